@@ -106,9 +106,9 @@ fn figures(row: &ScannerFigures, scanner: &Scanner) -> String {
         rows.push(vec![name.to_owned(), value, sources.of_figures(figures)]);
     };
     // Optics, a single channel, optics without a rate of their own, a head that does not turn and any number
-    // of returns are no figures, unless a source states them.
+    // of returns are no figures, unless the entry names a source or a remark.
     let stated_of = |figures: &'static [&'static str], is_figure: bool| -> &'static [&'static str] {
-        if is_figure || figures.iter().all(|figure| sources.has(figure)) { figures } else { &[] }
+        if is_figure || figures.iter().all(|figure| sources.names(figure)) { figures } else { &[] }
     };
     line("name", name, &[]);
     line("optics", optics, stated_of(&["optics"], false));
@@ -241,7 +241,7 @@ mod tests {
         };
         // The source of its farthest echo says nothing of its least range.
         let range = line("#dji-zenmuse-l1-non-repetitive", "range");
-        assert!(range.contains("1-∞ m ") && range.ends_with("  not compared with a data sheet"), "{range}");
+        assert!(range.contains("1-∞ m ") && range.ends_with("  not verified"), "{range}");
         let farthest = line("#dji-zenmuse-l1-non-repetitive", "farthest echo");
         assert!(farthest.contains("450 m") && farthest.contains("at 10 % and 100 klx"), "{farthest}");
         // Pipelines have the figure of a source.
@@ -264,7 +264,8 @@ mod tests {
             ("#leica_rtc360", "data sheet, leica"),
             ("#riegl_vq-840-g", "data sheet, riegl.com"),
             ("#dji-zenmuse-l1-non-repetitive", "Guidebook"),
-            ("#riegl_vq_780i", "not compared"),
+            ("#riegl_vq_780i", "not verified"),
+            ("#livox_hap", "120 by 25 degrees"),
         ] {
             let field = line(id, "field of view");
             assert!(field.contains(source), "{id}: {field}");

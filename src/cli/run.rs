@@ -195,7 +195,7 @@ fn note_unverified_figures(console: &Console, scanner: &Scanner) {
     let figures = unverified_figures(scanner);
     if !figures.is_empty() {
         console.say(format!(
-            "{}: {} not compared with a data sheet (sources: vlscan catalogue show {})",
+            "{}: {} not verified by a data sheet (sources: vlscan catalogue show {})",
             scanner.name,
             figures.join(", "),
             scanner.id

@@ -159,6 +159,55 @@ fn the_cloud_of_a_tripod_is_no_flight() {
     assert!(said.contains("this is no flight") && !dir.path().join("t.toml").exists(), "{said}");
 }
 
+/// Three lines of 10 s at 20 m/s to the east, back and to the east, with half circles of 30 m between them.
+fn lines_with_turns() -> String {
+    const RADIUS: f64 = 30.0;
+    let turn_s = std::f64::consts::PI * RADIUS / 20.0;
+    let row = |k: u32| {
+        let time = 0.1 * f64::from(k);
+        let (line, within) = ((time / (10.0 + turn_s)).floor(), time % (10.0 + turn_s));
+        let turned = std::f64::consts::PI * ((within - 10.0) / turn_s).max(0.0);
+        let along = 20.0 * within.min(10.0) + RADIUS * turned.sin() - 100.0;
+        let y = 2.0 * RADIUS * (line - 1.0) + RADIUS * (1.0 - turned.cos());
+        let (x, heading) = if line == 1.0 {
+            (-along, 270.0 + turned.to_degrees())
+        } else {
+            (along, 90.0 - turned.to_degrees())
+        };
+        format!("{time},{x},{y},200,0,0,{heading}\n")
+    };
+    let rows: String = (0..=394).map(row).collect();
+    format!("time,x,y,z,roll,pitch,heading\n{rows}")
+}
+
+#[test]
+fn straight_parts_of_a_flight_with_turns_are_flight_lines() {
+    let dir = folder();
+    let make =
+        ["scene", "make", "terrain", "-n", "20k", "--extent", "500", "--pulses", "1k", "-o", "hills", "-q"];
+    succeed(dir.path(), &make);
+    let polygon =
+        "optics = \"rotating\"\nscan_angle_max_deg = 30\nscan_freq_max_hz = 60\nscan_phase_deg = 70\n";
+    let line = pipeline(polygon).replace("100000", "5000").replace("scan_freq_hz = 60", "scan_freq_hz = 10");
+    let (head, legs) = line.split_once("[[leg]]").unwrap();
+    let output = legs.split_once("[[output]]").unwrap().1;
+    let flown = format!("{head}\n[trajectory]\npath = \"way.csv\"\n\n[[output]]{output}");
+    fs::write(dir.path().join("flown.toml"), flown).unwrap();
+    fs::write(dir.path().join("way.csv"), lines_with_turns()).unwrap();
+    succeed(dir.path(), &["run", "flown.toml", "-q"]);
+    let out = succeed(dir.path(), &["fit", "line.laz", "-o", "fit.toml", "--json"]);
+    let (found, messages) = (figures_of(&out.stdout), text(&out.stderr));
+    for part in ["has turns", "points of the turns are ignored", "has 3 flight lines", "at the GPS times"] {
+        assert!(messages.contains(part), "{part}: {messages}");
+    }
+    for (name, expected, within) in
+        [("speed", 20.0, 0.1), ("course", 90.0, 0.5), ("lines", 10.0, 0.001), ("pulse rate", 5000.0, 5.0)]
+    {
+        let value = found[name].as_f64().unwrap();
+        assert!((value - expected).abs() < within, "{name} is {value}");
+    }
+}
+
 #[test]
 fn two_channels_of_one_mirror_are_found() {
     let dir = folder();

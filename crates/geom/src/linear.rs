@@ -43,6 +43,11 @@ impl SymmetricMatrix {
         }
     }
 
+    /// Adds a matrix of the same size.
+    pub fn add_matrix(&mut self, other: &SymmetricMatrix) {
+        self.lower.iter_mut().zip(&other.lower).for_each(|(element, other)| *element += other);
+    }
+
     /// Matrix of the rows and columns with these indices.
     pub fn principal(&self, indices: &[usize]) -> SymmetricMatrix {
         let mut part = SymmetricMatrix::zeros(indices.len());
@@ -184,6 +189,12 @@ impl LeastSquares {
         self.right.iter_mut().zip(derivatives).for_each(|(sum, by)| *sum += weight * value * by);
     }
 
+    /// Adds the observations of other equations of the same unknowns.
+    pub fn add_sums(&mut self, other: &LeastSquares) {
+        self.matrix.add_matrix(&other.matrix);
+        self.right.iter_mut().zip(&other.right).for_each(|(sum, other)| *sum += other);
+    }
+
     /// Unknowns with the smallest weighted sum of squared residuals; `None` if the observations do not
     /// determine them.
     pub fn solution(&self) -> Option<Vec<f64>> {
@@ -311,6 +322,12 @@ mod tests {
         let mut single = LeastSquares::new(2);
         single.add(&[1.0, 0.0], 1.0, 1.0);
         assert_eq!(single.solution(), None);
+        // With those of another one.
+        let mut other = LeastSquares::new(2);
+        other.add(&[1.0, 2.0], 7.0, 1.0);
+        single.add_sums(&other);
+        let found = single.solution().unwrap();
+        assert!((found[0] - 1.0).abs() < 1e-12 && (found[1] - 3.0).abs() < 1e-12, "{found:?}");
     }
 
     #[test]

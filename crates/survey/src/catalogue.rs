@@ -47,7 +47,7 @@ pub fn catalogue_files() -> impl Iterator<Item = (&'static str, &'static str)> {
 mod tests {
     use super::*;
     use crate::shipped::find;
-    use crate::{Deflector, PlatformKind};
+    use crate::{Deflector, FigureSource, PlatformKind};
     use vlscan_geom::Rotation;
     use vlscan_render::Render as _;
 
@@ -181,11 +181,11 @@ mod tests {
             let text = catalogue_files().find(|file| file.0 == path).unwrap().1;
             let entry = &text[text.find(&format!("<scanner id=\"{id}\"")).unwrap()..];
             let is_stated = entry[..entry.find('>').unwrap()].contains("pulseLength_ns=");
-            let is_default = scanner.sources.iter().any(|source| {
-                source.name.starts_with("default") && source.figures.iter().any(|own| own == "pulseLength_ns")
-            });
-            assert_ne!(is_stated, is_default, "{reference}");
-            if is_default {
+            let of_default = |source: &&FigureSource| source.name == FigureSource::DEFAULT_PULSE_LENGTH;
+            let defaults: Vec<&FigureSource> = scanner.sources.iter().filter(of_default).collect();
+            assert_eq!(defaults.len(), usize::from(!is_stated), "{reference}");
+            if let [default] = defaults[..] {
+                assert_eq!(default.figures, ["pulseLength_ns"], "{reference}");
                 let beam = &scanner.devices[0].beam;
                 assert_eq!((beam.pulse_length, beam.stated_width), (4.0, Some(4.0)), "{reference}");
             }

@@ -38,6 +38,12 @@ pub(super) fn read_scanner(context: &Context, element: &Element) -> Option<Scann
     if is_known.is_some() && channels.is_none() {
         check_deflector(&fields, &base, false);
     }
+    let mut sources: Vec<FigureSource> =
+        element.named("source").filter_map(|source| read_source(context, &source)).collect();
+    if fields.is_built_in() && !fields.has(K.pulse_length_ns) {
+        let figures = vec![fields.name(K.pulse_length_ns).to_owned()];
+        sources.push(FigureSource { figures, name: FigureSource::DEFAULT_PULSE_LENGTH.to_owned() });
+    }
     let children: &[&'static str] =
         if fields.is_built_in() { &["channels", "source", "stated"] } else { &["channels", "source"] };
     fields.done(children);
@@ -55,7 +61,7 @@ pub(super) fn read_scanner(context: &Context, element: &Element) -> Option<Scann
         devices,
         multi_channel: channels.is_some(),
         written,
-        sources: element.named("source").filter_map(|source| read_source(context, &source)).collect(),
+        sources,
         turn: None,
         pulse_times: None,
     })

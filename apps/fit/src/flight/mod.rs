@@ -7,14 +7,15 @@
 //!
 //! | file | what it does |
 //! |---|---|
-//! | `points` | the points of one flight line |
+//! | `points`, `straight` | the points of one flight line, without turns |
 //! | `recording` | pulses of one flight line, cut to lines of the scanner |
 //! | `turning` | scanners that stand and turn, which are rejected |
 //! | `sweeps` | lines that no gap divides: sweeps of a mirror that swings, full turns |
 //! | `phases`, `level` | rates and phases of what recurs; straight flights and their height |
 //! | `guess`, `cones`, `lines`, `facets` | first guesses for each kind of mirror |
 //! | `model`, `mirror`, `parameters` | intersection of the beam of a flown scanner with the ground |
-//! | `solve`, `residuals`, `solution` | least squares for parameters and attitudes |
+//! | `sections`, `residuals`, `equations`, `solve`, `solution` | least squares for parameters and attitudes |
+//! | `choice` | the kind of mirror that explains the points |
 //! | `rate`, `repeat` | when pulses leave: by the place of the mirror, and patterns that repeat |
 //! | `clock` | the pulses of thinned clouds |
 //! | `ground` | noise of ranges |
@@ -22,9 +23,11 @@
 //! | `error` | reasons why no flight is fitted |
 //! | `report`, `write`, `pipeline` | figures with uncertainties; written files; text of the pipeline file |
 
+mod choice;
 mod clock;
 mod cones;
 mod doubts;
+mod equations;
 mod error;
 mod facets;
 mod ground;
@@ -42,8 +45,10 @@ mod recording;
 mod repeat;
 mod report;
 mod residuals;
+mod sections;
 mod solution;
 mod solve;
+mod straight;
 mod sweeps;
 #[cfg(test)]
 mod tests;
@@ -63,47 +68,12 @@ pub(crate) use turning::steady_turn;
 pub use write::FlightFiles;
 
 use crate::limit::PointLimit;
-use rayon::prelude::*;
+use choice::{NoSolution, best_solution};
 use std::path::{Path, PathBuf};
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::{Error, Result};
 use vlscan_geom::degrees;
 
-/// Sections whose attitudes are estimated when the kind of mirror is chosen.
-const TRIAL_SECTIONS: usize = 150;
-/// Sections by which one of many guesses of an elliptic cone is chosen.
-const ELLIPSE_SECTIONS: usize = 40;
-/// Sections by which a flight is checked that no guess explains.
-const DOUBTFUL_SECTIONS: usize = 1000;
-const MAX_SECTIONS: usize = 20_000;
-/// Sections per revolution of a mirror, within which the attitude counts as constant.
-const SECTIONS_PER_TURN: f64 = 8.0;
-/// Residuals of a kind of mirror that are larger than the best by this factor rule it out.
-const RULED_OUT: f64 = 3.0;
-/// Maximum ratio of the residuals of mirrors that swing unevenly to those of the others: in the middle of a
-/// swath all swings look alike.
-const CLEARLY_BETTER: f64 = 0.7;
-/// Maximum residual of a flight, m on the ground.
-const MAX_RESIDUAL: f64 = 0.5;
-/// Residual, m on the ground, and deviations of the attitude, rad, above which a trial by some sections is
-/// not repeated with more of them.
-const HOPELESS_RESIDUAL: f64 = 5.0;
-const HOPELESS_ATTITUDE: f64 = 0.075;
-/// Standard deviation of the scan angles, over the maximum residual, above which angles that are met have the
-/// right sign.
-const KNOWN_SIGN: f64 = 3.0;
-/// Maximum deviations of the attitude, rad, and of the scan angles, in steps of the angles and rad.
-const MAX_ATTITUDE: f64 = 0.05;
-const MAX_ANGLE_STEPS: f64 = 0.6;
-const MAX_ANGLE: f64 = 0.02;
-/// Minimum angle of a mirror that scans, rad.
-const MIN_MIRROR: f64 = 0.01;
-/// Speeds of flights, m/s.
-const MIN_SPEED: f64 = 0.2;
-const MAX_SPEED: f64 = 400.0;
-/// Maximum angle of climb or descent, and of a tilt of the scanner, degrees.
-const MAX_CLIMB: f64 = 30.0;
-const MAX_TILT: f64 = 60.0;
 /// Maximum time by which a flight is extended beyond its recording, s.
 const MAX_EXTENSION: f64 = 86_400.0;
 /// Residual above which a flight is doubtful, m on the ground.
@@ -196,8 +166,9 @@ fn reject_tripod(path: &Path, recording: &Recording) -> Result<()> {
         degrees(turn),
         recording.duration()
     );
-    let help = "a flight and its scanner are estimated from a straight flight line: cut a flight with turns \
-                into lines with point sources of their own, and choose one with --flight-line";
+    let help = "a flight and its scanner are estimated from a straight flight line; the straight parts of a \
+                flight with turns are found if they last 7 s, and here is none. For a scanner on a tripod, \
+                --still-at X,Y,Z writes its scan pattern instead";
     Err(Error::input_with_help(message, help))
 }
 
@@ -226,9 +197,10 @@ fn no_flight(path: &Path, recording: &Recording, reason: FlightError) -> Error {
     );
     let mut problems = Diagnostics::default();
     problems.error(None, message).because_of(reason).help(
-        "a fit needs all pulses of a flight line, not thinned, from a cone (also an elliptic one), a polygon \
-         mirror (also one whose facets differ by their tilt) or an oscillating mirror, not from prisms or a \
-         sensor that spins, with scan angles in degrees that change across the track, and times in seconds",
+        "a fit needs all pulses of a straight flight line, not thinned, from a cone (also an elliptic one), \
+         a polygon mirror (also one whose facets differ by their tilt) or an oscillating mirror, not from \
+         prisms or a sensor that spins, with scan angles in degrees that change across the track, and times \
+         in seconds",
     );
     Error::Input(Box::new(problems))
 }
@@ -299,187 +271,4 @@ impl FlightFit {
             found.warn(Some(Place::of_file(&self.cloud)), message);
         }
     }
-}
-
-/// A guess that does not explain the points.
-struct Failure {
-    misfit: Misfit,
-    /// m on the ground.
-    residual: f64,
-}
-
-impl Failure {
-    fn of(trial: &Solution, recording: &Recording) -> Option<Failure> {
-        let reason = misfit(trial, recording)?;
-        let details = match (trial.model.parameters.channels.len(), trial.model.facets()) {
-            (1, 1) => String::new(),
-            (1, facets) => format!(" with {facets} facets of different tilt"),
-            (channels, _) => format!(" with {channels} channels"),
-        };
-        let mirror = format!("{}{details}", trial.model.mirror.name());
-        Some(Failure { misfit: Misfit { mirror, reason }, residual: trial.residual })
-    }
-}
-
-/// No kind of mirror explains a recording.
-#[derive(Debug)]
-struct NoSolution {
-    reason: FlightError,
-    /// True if a solution meets the points with their scan angles, but is no flight.
-    has_angles: bool,
-}
-
-/// The solution with the smallest unexplained part, over all kinds of mirrors; the error lists the reasons
-/// against each kind.
-fn best_solution(recording: &Recording) -> Result<Solution, NoSolution> {
-    let mut trials = all_trials(recording, &guess::guesses(recording));
-    let others = trials.iter().filter(|trial| trial.has_sections()).map(Solution::unexplained);
-    let others = others.fold(f64::INFINITY, f64::min);
-    let swings = all_trials(recording, &guess::swings(recording)).into_iter();
-    trials.extend(swings.filter(|swing| swing.unexplained() < CLEARLY_BETTER * others));
-    let needs_ellipse = trials.iter().all(|trial| misfit(trial, recording).is_some());
-    if needs_ellipse {
-        trials.extend(ellipse(recording));
-    }
-    match best_of(recording, trials) {
-        // The circle of a cone may explain some sections of an ellipse, but not all.
-        Err(failed) if !needs_ellipse => {
-            best_of(recording, ellipse(recording).into_iter().collect()).map_err(|_| failed)
-        }
-        result => result,
-    }
-}
-
-/// The best trial of an elliptic cone.
-fn ellipse(recording: &Recording) -> Option<Solution> {
-    let ellipses: Vec<Solution> = cones::elliptic_guesses(recording)
-        .par_iter()
-        .map(|first| solve_without_attitudes(recording, first, ELLIPSE_SECTIONS))
-        .collect();
-    let ellipses = ellipses.iter().filter(|ellipse| ellipse.has_sections());
-    let best = ellipses.min_by(|a, b| a.residual.total_cmp(&b.residual))?;
-    Some(trial(recording, &best.model))
-}
-
-/// The solution by all sections of the trial with the smallest unexplained part.
-fn best_of(recording: &Recording, mut trials: Vec<Solution>) -> Result<Solution, NoSolution> {
-    let mut failures: Vec<Failure> =
-        trials.iter().filter_map(|trial| Failure::of(trial, recording)).collect();
-    let is_doubtful = failures.len() == trials.len();
-    let has_angles = trials.iter().any(|trial| has_angles_of(trial, recording));
-    let failed = |reason| Err(NoSolution { reason, has_angles });
-    trials.retain(Solution::has_sections);
-    let smallest = trials.iter().map(|trial| trial.residual).fold(f64::INFINITY, f64::min);
-    trials.retain(|trial| trial.residual <= RULED_OUT * smallest);
-    let best = trials.into_iter().min_by(|a, b| a.unexplained().total_cmp(&b.unexplained()));
-    let Some(best) = best else { return failed(reasons(failures)) };
-    let solved = |max| solve::solve(recording, &best.model, &sections_of(recording, &best.model, max), true);
-    // All sections take long: where no guess explains the points, some sections are tried before, unless the
-    // best guess is far off.
-    if is_doubtful && (is_hopeless(&best) || misfit(&solved(DOUBTFUL_SECTIONS), recording).is_some()) {
-        return failed(reasons(failures));
-    }
-    let best = solved(MAX_SECTIONS);
-    match Failure::of(&best, recording) {
-        None => Ok(best),
-        Some(failure) => {
-            failures.push(failure);
-            failed(reasons(failures))
-        }
-    }
-}
-
-/// At most `max` sections within which the attitude counts as constant.
-fn sections_of(recording: &Recording, model: &Model, max: usize) -> Vec<solve::Section> {
-    let turns = model.parameters.mirror.rate.abs();
-    solve::sections(recording, 1.0 / (SECTIONS_PER_TURN * turns), max)
-}
-
-fn solve_without_attitudes(recording: &Recording, first: &Model, max_sections: usize) -> Solution {
-    solve::solve(recording, first, &sections_of(recording, first, max_sections), false)
-}
-
-/// Solution by some sections.
-fn trial(recording: &Recording, first: &Model) -> Solution {
-    let start = solve_without_attitudes(recording, first, TRIAL_SECTIONS);
-    solve::solve(recording, &start.model, &sections_of(recording, first, TRIAL_SECTIONS), true)
-}
-
-/// Solutions by some sections, in the order of the guesses.
-fn all_trials(recording: &Recording, guesses: &[Model]) -> Vec<Solution> {
-    guesses.par_iter().map(|first| trial(recording, first)).collect()
-}
-
-/// True if a solution that does not explain the points is so far off that more sections cannot change that.
-fn is_hopeless(trial: &Solution) -> bool {
-    trial.residual > HOPELESS_RESIDUAL || trial.attitude_spread() > HOPELESS_ATTITUDE
-}
-
-/// True if the beams of a solution meet the points with the scan angles of the file, which change so much
-/// that their sign is known.
-fn has_angles_of(solution: &Solution, recording: &Recording) -> bool {
-    let max_angle = max_angle_residual(recording);
-    solution.has_sections()
-        && solution.residual <= MAX_RESIDUAL
-        && solution.angle_residual <= max_angle
-        && recording.angle_spread() > KNOWN_SIGN * max_angle
-}
-
-/// Maximum residual of the scan angles of a flight, rad.
-fn max_angle_residual(recording: &Recording) -> f64 {
-    (MAX_ANGLE_STEPS * recording.angle_step).max(MAX_ANGLE)
-}
-
-/// The reasons against several guesses: of each kind of mirror that of the guess with the smallest residual,
-/// the first of several.
-fn reasons(failures: Vec<Failure>) -> FlightError {
-    if failures.is_empty() {
-        return FlightError::NoPattern;
-    }
-    let mut best: Vec<Failure> = Vec::new();
-    for failure in failures {
-        match best.iter_mut().find(|known| known.misfit.mirror == failure.misfit.mirror) {
-            Some(known) if failure.residual < known.residual => *known = failure,
-            Some(_) => {}
-            None => best.push(failure),
-        }
-    }
-    FlightError::Unexplained(best.into_iter().map(|failure| failure.misfit).collect())
-}
-
-/// Reason why a solution does not explain its points by a possible flight; `None` if it does.
-fn misfit(solution: &Solution, recording: &Recording) -> Option<String> {
-    let max_angle = max_angle_residual(recording);
-    let speed = solution.model.speed();
-    // False for NaN.
-    let is_within = |value: f64, low: f64, high: f64| (low..=high).contains(&value);
-    if !is_within(solution.residual, 0.0, MAX_RESIDUAL) {
-        return Some(format!("misses them by {:.2} m on the ground", solution.residual));
-    }
-    if !is_within(solution.angle_residual, 0.0, max_angle) {
-        return Some(format!("misses their scan angles by {:.1}°", degrees(solution.angle_residual)));
-    }
-    if !is_within(solution.attitude_spread(), 0.0, MAX_ATTITUDE) {
-        return Some(format!(
-            "needs a platform that rolls and turns by {:.1}°",
-            degrees(solution.attitude_spread())
-        ));
-    }
-    if !is_within(solution.model.parameters.mirror.angle.abs(), MIN_MIRROR, f64::MAX) {
-        return Some("needs a mirror that hardly moves".to_owned());
-    }
-    if !is_within(speed, MIN_SPEED, MAX_SPEED) {
-        return Some(format!("needs a platform that flies at {speed:.1} m/s"));
-    }
-    let p = &solution.model.parameters;
-    let climb = degrees(libm::atan2(p.velocity.z, speed));
-    if !is_within(climb, -MAX_CLIMB, MAX_CLIMB) {
-        let verb = if climb < 0.0 { "descends" } else { "climbs" };
-        return Some(format!("needs a platform that {verb} at {:.0}°", climb.abs()));
-    }
-    let tilt = degrees(p.roll.abs().max(p.pitch.abs()));
-    if !is_within(tilt, 0.0, MAX_TILT) {
-        return Some(format!("needs a scanner that is tilted by {tilt:.0}°"));
-    }
-    (!solution.has_sections()).then(|| "needs a mirror that turns within a few pulses".to_owned())
 }

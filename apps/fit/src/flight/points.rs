@@ -3,11 +3,12 @@
 //! A file is read several times: for its flight lines and strays, again without the strays if there are any,
 //! and for the points of one flight line, which are the only ones in memory. Of a stream all points are kept.
 
+use super::straight::{Part, straight_flights};
 use crate::limit::PointLimit;
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 use std::path::Path;
-use vlscan_base::diag::Diagnostics;
+use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::{Error, Result};
 use vlscan_formats::{
     Attribute, AttributeSet, FileFacts, PointRow, PointSink, Selection, StrayFinder, Strays, read_points,
@@ -18,7 +19,7 @@ use vlscan_geom::DVec3;
 /// seconds apart.
 pub(super) const FLIGHT_PAUSE: f64 = 20.0;
 /// Duration of the parts of a flight line that are counted together, s. No pause is within a part.
-const PART_S: f64 = 0.5 * FLIGHT_PAUSE;
+const PART_S: f64 = 1.0;
 
 /// ASPRS classes of noise, which is not on the ground.
 const NOISE: [u8; 2] = [7, 18];
@@ -73,28 +74,46 @@ impl FlightLine {
 
 /// Counts the points of flight lines, by source and part of the time.
 #[derive(Default)]
-struct LineCounter(BTreeMap<(u16, i64), FlightLine>);
+struct LineCounter(BTreeMap<(u16, i64), Part>);
 
 impl LineCounter {
     fn add(&mut self, row: &Row) {
-        let Row { source, time, .. } = *row;
-        let none = FlightLine { source, times: [time; 2], points: 0 };
-        let part = self.0.entry((source, (time / PART_S).floor() as i64)).or_insert(none);
-        part.times = [part.times[0].min(time), part.times[1].max(time)];
-        part.points += 1;
+        let (place, part) = (row.position.truncate(), (row.time / PART_S).floor() as i64);
+        let part = self.0.entry((row.source, part)).or_insert_with(|| Part::at(row.time, place));
+        part.add(row.time, place, row.angle);
     }
 
-    /// The flight lines in the order of source and time.
-    fn lines(&self) -> Vec<FlightLine> {
-        let mut lines: Vec<FlightLine> = Vec::new();
-        for part in self.0.values() {
-            let before = lines.last_mut().filter(|line| line.source == part.source);
-            match before.filter(|line| part.times[0] - line.times[1] <= FLIGHT_PAUSE) {
-                Some(line) => (line.times[1], line.points) = (part.times[1], line.points + part.points),
-                None => lines.push(*part),
+    /// The flight lines in the order of source and time, without turns, and the numbers of points in the
+    /// turns of each source that has some.
+    fn lines(self) -> (Vec<FlightLine>, BTreeMap<u16, usize>) {
+        let mut lines: Vec<(u16, Vec<Part>)> = Vec::new();
+        for ((source, _), part) in self.0 {
+            let is_next = |parts: &[Part]| {
+                parts.last().is_some_and(|last| part.times[0] - last.times[1] <= FLIGHT_PAUSE)
+            };
+            match lines.last_mut().filter(|(of_line, parts)| *of_line == source && is_next(parts)) {
+                Some((_, parts)) => parts.push(part),
+                None => lines.push((source, vec![part])),
             }
         }
-        lines
+        let (mut flights, mut turns) = (Vec::new(), BTreeMap::new());
+        for (source, parts) in lines {
+            let points = |parts: &[Part]| parts.iter().map(|part| part.points).sum::<usize>();
+            let straight = straight_flights(&parts);
+            let has_turns = straight.is_some();
+            let ranges = straight.unwrap_or_else(|| std::iter::once(0..parts.len()).collect());
+            let in_line = ranges.iter().filter_map(|range| parts.get(range.clone())).filter_map(|parts| {
+                let (first, last) = (parts.first()?, parts.last()?);
+                Some(FlightLine { source, times: [first.times[0], last.times[1]], points: points(parts) })
+            });
+            let in_line: Vec<FlightLine> = in_line.collect();
+            if has_turns {
+                let kept: usize = in_line.iter().map(|flight| flight.points).sum();
+                *turns.entry(source).or_default() += points(&parts) - kept;
+            }
+            flights.extend(in_line);
+        }
+        (flights, turns)
     }
 }
 
@@ -159,8 +178,10 @@ impl PointSink for Sink {
 /// A cloud whose flight lines are known.
 pub(super) struct Outline {
     pub wkt: Option<String>,
-    /// In the order of source and time.
+    /// In the order of source and time; the straight parts of lines with turns.
     pub lines: Vec<FlightLine>,
+    /// Numbers of points in turns, which are in no line, by source.
+    pub turns: BTreeMap<u16, usize>,
     strays: Strays,
     limit: PointLimit,
     /// All points of a stream, which is read once.
@@ -200,7 +221,8 @@ impl Outline {
             sink.counter = others.counter;
         }
         let Sink { wkt, counter, rows, .. } = sink;
-        Ok(Outline { wkt, lines: counter.lines(), strays, limit, rows })
+        let (lines, turns) = counter.lines();
+        Ok(Outline { wkt, lines, turns, strays, limit, rows })
     }
 
     /// The points of a flight line, by time and return number.
@@ -237,6 +259,36 @@ impl Outline {
     }
 }
 
+/// Warns of flight lines that are not fitted.
+pub(super) fn warn_of_others(path: &Path, lines: &[FlightLine], fitted: FlightLine, found: &mut Diagnostics) {
+    let left_out = lines.iter().map(|line| line.points).sum::<usize>() - fitted.points;
+    let message = format!(
+        "{} has {} flight lines: the one with the most points is fitted (point source {}, GPS time {:.1} s); \
+         {left_out} points of the others are ignored",
+        path.display(),
+        lines.len(),
+        fitted.source,
+        fitted.times[0]
+    );
+    let of_source: Vec<String> = lines
+        .iter()
+        .filter(|line| line.source == fitted.source)
+        .map(|line| format!("{:.1}", line.times[0]))
+        .collect();
+    let mut help = Vec::new();
+    if of_source.len() < lines.len() {
+        help.push("--flight-line N selects another one by its point source".to_owned());
+    }
+    if of_source.len() > 1 {
+        help.push(format!(
+            "lines of point source {} begin at the GPS times {} s: cut the cloud by time to fit another one",
+            fitted.source,
+            of_source.join(", ")
+        ));
+    }
+    found.warn(Some(Place::of_file(path)), message).help(help.join("; "));
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -260,8 +312,48 @@ mod tests {
         }
         let line = |source, first, last, points| FlightLine { source, times: [first, last], points };
         let expected = [line(3, 5.0, 25.0, 3), line(7, -19.5, -19.5, 1), line(7, 1.0, 9.0, 2)];
-        assert_eq!(counter.lines(), [&expected[..], &[line(7, 30.0, 30.0, 1)]].concat());
-        assert!(LineCounter::default().lines().is_empty());
+        let (lines, turns) = counter.lines();
+        assert_eq!(lines, [&expected[..], &[line(7, 30.0, 30.0, 1)]].concat());
+        assert!(turns.is_empty() && LineCounter::default().lines().0.is_empty());
+    }
+
+    #[test]
+    fn turns_divide_a_flight_line_and_are_in_none() {
+        let mut counter = LineCounter::default();
+        for k in 0..2600 {
+            // 10 s to the east at 30 m/s, 6 s of a turn to the south, 10 s to the west.
+            let time = 0.01 * f64::from(k);
+            let turned = (0.5 * (time - 10.0)).clamp(0.0, 3.0) * std::f64::consts::PI / 3.0;
+            let (along, radius) =
+                (30.0 * (time.min(10.0) - (time - 16.0).max(0.0)), 180.0 / std::f64::consts::PI);
+            let place = DVec3::new(along + radius * libm::sin(turned), radius * libm::cos(turned), 0.0);
+            let angle = f64::from(k % 61) - 30.0;
+            let right = DVec3::new(-libm::sin(turned), -libm::cos(turned), 0.0);
+            let position = place + 80.0 * libm::tan(angle.to_radians()) * right;
+            counter.add(&Row { source: 4, time, position, angle, ..ROW });
+        }
+        let (lines, turns) = counter.lines();
+        assert_eq!(lines.len(), 2, "{lines:?}");
+        assert!(lines[0].times[0] == 0.0 && lines[0].times[1] <= 10.0, "{lines:?}");
+        assert!(lines[1].times[0] >= 16.0 && lines[1].times[1] > 25.98, "{lines:?}");
+        assert_eq!(lines[0].points + lines[1].points + turns[&4], 2600);
+    }
+
+    #[test]
+    fn other_flight_lines_are_chosen_by_source_or_time() {
+        let line = |source, start| FlightLine { source, times: [start, start + 9.0], points: 10 };
+        let said = |lines: &[FlightLine]| {
+            let mut found = Diagnostics::default();
+            warn_of_others(Path::new("a.laz"), lines, lines[0], &mut found);
+            found.text()
+        };
+        let of_source = said(&[line(3, 0.5), line(3, 20.0)]);
+        assert!(of_source.contains("begin at the GPS times 0.5, 20.0 s"), "{of_source}");
+        assert!(of_source.contains("10 points of the others") && !of_source.contains("--flight-line"));
+        let others = said(&[line(3, 0.5), line(4, 20.0)]);
+        assert!(others.contains("--flight-line") && !others.contains("begin at"), "{others}");
+        let both = said(&[line(3, 0.5), line(3, 20.0), line(4, 40.0)]);
+        assert!(both.contains("--flight-line") && both.contains("begin at"), "{both}");
     }
 
     /// The points of the longest flight line of a file of this text, as time, x and return number.

@@ -1,6 +1,6 @@
 //! The pulses of one flight line of a recorded cloud.
 
-use super::points::{FLIGHT_PAUSE, FlightLine, Outline, Row};
+use super::points::{FLIGHT_PAUSE, FlightLine, Outline, Row, warn_of_others};
 use crate::limit::PointLimit;
 use std::ops::Range;
 use std::path::Path;
@@ -87,7 +87,8 @@ impl Recording {
         let name = path.display();
         let mut lines = std::mem::take(&mut outline.lines);
         if let Some(source) = source {
-            let sources: Vec<String> = lines.iter().map(|line| line.source.to_string()).collect();
+            let mut sources: Vec<String> = lines.iter().map(|line| line.source.to_string()).collect();
+            sources.dedup();
             lines.retain(|line| line.source == source);
             if lines.is_empty() {
                 let message = format!("--flight-line {source}: {name} has no points of this point source");
@@ -98,21 +99,18 @@ impl Recording {
             return Err(Error::input(format!("{name} has no points with times and scan angles")));
         };
         let wkt = outline.wkt.take();
+        if let Some(points) = outline.turns.get(&longest.source) {
+            let message = format!(
+                "the flight of point source {} has turns: each straight part is a flight line, and {points} \
+                 points of the turns are ignored",
+                longest.source
+            );
+            found.warn(Some(Place::of_file(path)), message);
+        }
         let rows = outline.rows_of(longest, path)?;
         let recording = Recording { wkt, ..Recording::of(rows, path, found)? };
         if lines.len() > 1 {
-            let left_out = lines.iter().map(|line| line.points).sum::<usize>() - longest.points;
-            let warning = found.warn(
-                Some(Place::of_file(path)),
-                format!(
-                    "{name} has {} flight lines: the one with the most points is fitted (point source {}, \
-                     GPS time {:.1} s); {left_out} points of the others are ignored",
-                    lines.len(),
-                    recording.source,
-                    recording.start
-                ),
-            );
-            warning.help("--flight-line N selects another one by its point source");
+            warn_of_others(path, &lines, longest, found);
         }
         Ok(recording)
     }

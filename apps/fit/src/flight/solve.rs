@@ -4,19 +4,15 @@
 //! that they follow the motion of the lines and no more. Their part of the normal equations is block
 //! tridiagonal and is eliminated (Schur complement): time and memory grow linearly with the number of lines.
 
+use super::equations::{Normal, SectionEquations, min_angle, moved, normal_cost, normal_equations, spreads};
 use super::mirror::MirrorParameters;
-use super::model::{Attitude, Model, Posed, Prepared};
+use super::model::{Attitude, Model};
 use super::parameters::{Channel, Parameters};
 use super::recording::Recording;
-use super::residuals::{RESIDUALS, beam_of, huber, residuals, scales};
+use super::sections::Section;
 use super::solution::Solution;
-use vlscan_geom::{DMat3, DVec2, DVec3, LeastSquares, median, radians};
+use vlscan_geom::{DMat3, DVec2, DVec3, radians};
 
-/// Pulses of a section that are used.
-const SECTION_PULSES: usize = 40;
-/// Number of independent pulses that a section is worth: errors of neighbouring pulses are correlated
-/// (terrain height, encoders).
-const SECTION_WEIGHT: f64 = 20.0;
 const MAX_STEPS: usize = 60;
 /// Damping of the equations for standard deviations: a larger one hides what the points do not determine.
 const LEAST_DAMPING: f64 = 1e-14;
@@ -24,49 +20,6 @@ const LEAST_DAMPING: f64 = 1e-14;
 const STRICT_STEPS: usize = 30;
 /// Standard deviation of attitudes of single lines, rad.
 const ATTITUDE: f64 = 0.02;
-/// Change of an attitude for numeric derivatives, rad.
-const ATTITUDE_STEP: f64 = 1e-7;
-
-/// Pulses for which the attitude counts as constant.
-#[derive(Clone, Debug)]
-pub struct Section {
-    /// Mean time, s.
-    pub time: f64,
-    /// Indices of pulses that are used.
-    pulses: Vec<usize>,
-}
-
-/// Divides lines into sections of at most `max_duration` s. At most `max_sections` are used, evenly chosen.
-pub fn sections(recording: &Recording, max_duration: f64, max_sections: usize) -> Vec<Section> {
-    let mut found = Vec::new();
-    for line in &recording.lines {
-        let pulses = &recording.pulses[line.clone()];
-        let (first, last) = (pulses[0].time, pulses[pulses.len() - 1].time);
-        let count = ((last - first) / max_duration).ceil().max(1.0) as usize;
-        let (mut begin, mut k) = (line.start, 0usize);
-        while begin < line.end && k < count {
-            // Sections without pulses are passed over: a guess may turn far too fast.
-            let passed = (recording.pulses[begin].time - first) / (last - first) * count as f64 - 1.0;
-            k = (k + 1).max(passed as usize).min(count);
-            let until = first + (last - first) * k as f64 / count as f64;
-            let mut end = begin;
-            while end < line.end && (recording.pulses[end].time <= until || k == count) {
-                end += 1;
-            }
-            if end - begin >= 8 {
-                let step = (end - begin).div_ceil(SECTION_PULSES);
-                let pulses: Vec<usize> = (begin..end).step_by(step).collect();
-                let time =
-                    pulses.iter().map(|i| recording.pulses[*i].time).sum::<f64>() / pulses.len() as f64;
-                found.push(Section { time, pulses });
-            }
-            begin = end;
-        }
-    }
-    found.sort_by(|a, b| a.time.total_cmp(&b.time));
-    let step = found.len().div_ceil(max_sections.max(1)).max(1);
-    found.into_iter().step_by(step).collect()
-}
 
 /// Standard deviations of the parameters around 0 before the fit; infinite where nothing is known.
 fn priors(model: &Model) -> Parameters {
@@ -98,29 +51,6 @@ fn increments(model: &Model, duration: f64) -> Parameters {
     }
 }
 
-/// Normal equations of the parameters and of the attitudes of all sections.
-struct Normal {
-    sections: Vec<SectionEquations>,
-    parameters: LeastSquares,
-    cost: f64,
-}
-
-/// Part of the normal equations that holds the attitude of a section.
-#[derive(Clone)]
-struct SectionEquations {
-    /// Block on the diagonal.
-    matrix: DMat3,
-    /// Block of attitude times parameters: a column for each parameter.
-    mixed: Vec<DVec3>,
-    right: DVec3,
-}
-
-impl SectionEquations {
-    fn new(parameters: usize) -> SectionEquations {
-        SectionEquations { matrix: DMat3::ZERO, mixed: vec![DVec3::ZERO; parameters], right: DVec3::ZERO }
-    }
-}
-
 /// Fits a model to a recording from a first guess. Attitudes of sections are estimated if `has_attitudes`.
 pub fn solve(recording: &Recording, first: &Model, sections: &[Section], has_attitudes: bool) -> Solution {
     let mut model = first.clone();
@@ -140,9 +70,14 @@ pub fn solve(recording: &Recording, first: &Model, sections: &[Section], has_att
     if is_strict {
         angle = min_angle(recording);
     }
+    // Equations of a step that was rejected.
+    let mut kept: Option<Normal> = None;
     for number in 0..MAX_STEPS {
-        let mut normal = normal_equations(recording, &model, &steps, sections, &attitudes, ground, angle);
-        add_priors(&mut normal, &model, &attitudes, sections, walk, has_attitudes);
+        let normal = kept.take().unwrap_or_else(|| {
+            let mut normal = normal_equations(recording, &model, &steps, sections, &attitudes, ground, angle);
+            add_priors(&mut normal, &model, &attitudes, sections, walk, has_attitudes);
+            normal
+        });
         let Some(step) = reduce(&normal, sections, walk, damping, has_attitudes) else { break };
         let next = moved(&model, &step.parameters);
         let next_attitudes: Vec<DVec3> = attitudes.iter().zip(&step.attitudes).map(|(a, b)| a + b).collect();
@@ -153,6 +88,7 @@ pub fn solve(recording: &Recording, first: &Model, sections: &[Section], has_att
             if damping > 1e9 {
                 break;
             }
+            kept = Some(normal);
             continue;
         }
         damping = (damping * 0.2).max(1e-12);
@@ -189,144 +125,6 @@ pub fn solve(recording: &Recording, first: &Model, sections: &[Section], has_att
     let times = sections.iter().map(|section| section.time).collect();
     let attitudes = attitudes.into_iter().map(Attitude::from_vector).collect();
     Solution { model, deviations, times, attitudes, residual, angle_residual }
-}
-
-/// The model after a step of its estimated parameters.
-fn moved(model: &Model, step: &[f64]) -> Model {
-    let values = model.parameters.to_vector(model.mirror);
-    let values: Vec<f64> = values.iter().zip(step).map(|(value, change)| value + change).collect();
-    let mut parameters = model.parameters.with_vector(model.mirror, &values);
-    if model.has_channels() {
-        parameters.balance_channels();
-    }
-    Model { mirror: model.mirror, parameters }
-}
-
-/// The model after the step of each parameter alone.
-fn shifted(model: &Model, steps: &[f64]) -> Vec<Model> {
-    let alone = |k: usize| {
-        let step: Vec<f64> = (0..steps.len()).map(|other| if other == k { steps[k] } else { 0.0 }).collect();
-        moved(model, &step)
-    };
-    (0..steps.len()).map(alone).collect()
-}
-
-/// Robust standard deviations of the residuals on the ground and of the scan angle.
-fn spreads(recording: &Recording, model: &Model, sections: &[Section], attitudes: &[DVec3]) -> (f64, f64) {
-    let (mut ground, mut angle) = (Vec::new(), Vec::new());
-    let prepared = Prepared::of(model);
-    for (section, attitude) in sections.iter().zip(attitudes) {
-        let model = prepared.at(&Attitude::from_vector(*attitude));
-        for i in &section.pulses {
-            let r = residuals(recording, &model, beam_of(recording, &model, *i), *i);
-            ground.push(r[0].abs());
-            ground.push(r[1].abs());
-            angle.push(r[2].abs());
-        }
-    }
-    let spread = |residuals: Vec<f64>| 1.4826 * median(residuals).unwrap_or(0.0);
-    (spread(ground).max(0.005), spread(angle).max(min_angle(recording)))
-}
-
-/// Minimum standard deviation of scan angles: that of their step, or of residuals beyond the rounding to
-/// degrees.
-fn min_angle(recording: &Recording) -> f64 {
-    radians(if recording.has_whole_angles() { 0.1 } else { 0.01 })
-}
-
-fn normal_cost(
-    recording: &Recording,
-    model: &Model,
-    sections: &[Section],
-    attitudes: &[DVec3],
-    ground: f64,
-    angle: f64,
-) -> f64 {
-    let mut cost = 0.0;
-    let prepared = Prepared::of(model);
-    for (section, attitude) in sections.iter().zip(attitudes) {
-        let model = prepared.at(&Attitude::from_vector(*attitude));
-        let share = (SECTION_WEIGHT / section.pulses.len() as f64).min(1.0);
-        for i in &section.pulses {
-            let r = residuals(recording, &model, beam_of(recording, &model, *i), *i);
-            let scaled = r.iter().zip(scales(ground, angle)).map(|(r, scale)| huber(r / scale).1);
-            cost += share * scaled.sum::<f64>();
-        }
-    }
-    cost
-}
-
-/// `steps` are those of the parameters for numeric derivatives.
-fn normal_equations(
-    recording: &Recording,
-    model: &Model,
-    steps: &[f64],
-    sections: &[Section],
-    attitudes: &[DVec3],
-    ground: f64,
-    angle: f64,
-) -> Normal {
-    let count = steps.len();
-    let shifted = shifted(model, steps);
-    let prepared = Prepared::of(model);
-    let shifted: Vec<Prepared> = shifted.iter().map(Prepared::of).collect();
-    // Most steps leave the beams of the scanner as they are.
-    let keep_beams: Vec<bool> = shifted.iter().map(|model| model.has_beams_of(&prepared)).collect();
-    let mut normal = Normal {
-        sections: vec![SectionEquations::new(count); sections.len()],
-        parameters: LeastSquares::new(count),
-        cost: 0.0,
-    };
-    let scale = scales(ground, angle);
-    let mut of_parameters = vec![0.0; count];
-    let mut by_parameter: Vec<[f64; RESIDUALS]> = Vec::with_capacity(count);
-    for ((section, attitude), equations) in sections.iter().zip(attitudes).zip(&mut normal.sections) {
-        let share = (SECTION_WEIGHT / section.pulses.len() as f64).min(1.0);
-        let at = |attitude: DVec3| prepared.at(&Attitude::from_vector(attitude));
-        let here = at(*attitude);
-        let turned = DVec3::AXES.map(|axis| at(*attitude + ATTITUDE_STEP * axis));
-        let of_section = Attitude::from_vector(*attitude);
-        let shifted: Vec<Posed> = shifted.iter().map(|model| model.at(&of_section)).collect();
-        for i in &section.pulses {
-            let beam = beam_of(recording, &here, *i);
-            let base = residuals(recording, &here, beam, *i);
-            by_parameter.clear();
-            by_parameter.extend(shifted.iter().zip(&keep_beams).map(|(model, keeps_beam)| {
-                let beam = if *keeps_beam { beam } else { beam_of(recording, model, *i) };
-                residuals(recording, model, beam, *i)
-            }));
-            let by_attitude = turned.map(|model| residuals(recording, &model, beam, *i));
-            let count_of = if recording.pulses[*i].last.is_some() { RESIDUALS } else { 3 };
-            for j in 0..count_of {
-                let ratio = base[j] / scale[j];
-                let (weight, cost) = huber(ratio);
-                let weight = weight * share;
-                normal.cost += share * cost;
-                for ((derivative, shifted), step) in of_parameters.iter_mut().zip(&by_parameter).zip(steps) {
-                    *derivative = (shifted[j] - base[j]) / (step * scale[j]);
-                }
-                let of_attitude = DVec3::from(
-                    by_attitude.map(|shifted| (shifted[j] - base[j]) / (ATTITUDE_STEP * scale[j])),
-                );
-                normal.parameters.add(&of_parameters, -ratio, weight);
-                equations.add(of_attitude, &of_parameters, -ratio, weight);
-            }
-        }
-    }
-    normal
-}
-
-impl SectionEquations {
-    /// Adds an observation: its derivatives by the attitude and by the parameters, its value and its weight.
-    fn add(&mut self, of_attitude: DVec3, of_parameters: &[f64], value: f64, weight: f64) {
-        let weighted = weight * of_attitude;
-        self.matrix +=
-            DMat3::from_cols(weighted * of_attitude.x, weighted * of_attitude.y, weighted * of_attitude.z);
-        for (column, derivative) in self.mixed.iter_mut().zip(of_parameters) {
-            *column += weighted * *derivative;
-        }
-        self.right += value * weighted;
-    }
 }
 
 /// Precision of the change of an attitude between two sections.

@@ -1,5 +1,6 @@
 //! Flights that are flown by the model itself, over ground of known heights.
 
+use super::choice::{Choice, misfit, trial};
 use super::*;
 use libm::{cos, sin};
 use vlscan_geom::{DVec3, degrees, radians};
@@ -377,8 +378,46 @@ fn sections_hold_all_pulses_of_their_time() {
     };
     for max in [1e-2, 2.3e-4, 7.1e-5, 1e-7] {
         let found: Vec<f64> =
-            solve::sections(&recording, max, usize::MAX).iter().map(|section| section.time).collect();
+            sections::sections(&recording, max, usize::MAX).iter().map(|section| section.time).collect();
         assert_eq!(found, middles(max), "{max}");
         assert_eq!(found.is_empty(), max == 1e-7);
     }
+}
+
+/// Seven seconds of an elliptic cone, all of it in the cloud.
+fn elliptic() -> (Model, Recording) {
+    let mut truth = model(Mirror::EllipticCone, radians(20.0), 40.0);
+    truth.parameters.mirror.angle_along = radians(14.0);
+    let recording = Recording::new(flown_within(&truth, 0, |_| 1e-4, 7.0, 3000.0)).unwrap();
+    (truth, recording)
+}
+
+#[test]
+fn circles_that_miss_successive_sections_are_not_solved_first() {
+    let (truth, recording) = elliptic();
+    let circle = model(Mirror::Cone, radians(17.0), 40.0);
+    let choice = |candidates: &[&Model]| Choice {
+        candidates: candidates.iter().map(|model| known(model)).collect(),
+        failures: Vec::new(),
+        is_doubtful: false,
+        has_angles: false,
+    };
+    let both = choice(&[&circle, &truth]);
+    assert_eq!(both.first(&recording).unwrap().model.mirror, Mirror::EllipticCone);
+    assert!(choice(&[&circle]).first(&recording).is_none());
+}
+
+#[test]
+fn solutions_do_not_depend_on_the_number_of_threads() {
+    let (truth, recording) = elliptic();
+    let solved = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let Solution { model, deviations, attitudes, residual, .. } =
+            pool.install(|| trial(&recording, &truth));
+        let vectors = [&model.parameters, &deviations].map(|p| p.to_vector(Mirror::EllipticCone));
+        let attitudes = attitudes.iter().flat_map(|attitude| attitude.to_vector().to_array());
+        let values = vectors.concat().into_iter().chain(attitudes).chain([residual]);
+        values.map(f64::to_bits).collect::<Vec<u64>>()
+    };
+    assert_eq!(solved(1), solved(3));
 }

@@ -15,9 +15,9 @@ const SAMPLED_S: f64 = 1.0;
 /// Half angle of a scan above which elevations do not describe its field, rad.
 const MAX_ELEVATION: f64 = 1.5;
 
-/// Full angles of the field of view, degrees, each at most 360: one of scanners that draw lines or cones; all
-/// around, and up and down, of those with a head that turns; of others the two extents at right angles to
-/// each other.
+/// Full angles of the field of view, degrees, each at most 360: one of scanners that draw lines in a plane or
+/// circular cones; all around, and up and down, of those with a head that turns; of others the two extents at
+/// right angles to each other.
 ///
 /// # Errors
 /// Formulas of mechanical errors without a value.
@@ -27,12 +27,14 @@ pub fn field_of_view(scanner: &Scanner) -> Result<Vec<f64>> {
     if first.head.max_rate > 0.0 {
         return Ok(vec![360.0, tenths(elevations(scanner, half))]);
     }
-    Ok(match first.deflector {
+    let across = tenths(2.0 * degrees(half));
+    Ok(match &first.deflector {
         Deflector::Risley { .. } | Deflector::Pattern(_) => sampled(scanner)?.map(tenths).to_vec(),
-        Deflector::EllipticConic { along_max } => {
-            vec![tenths(2.0 * degrees(half)), tenths(2.0 * degrees(along_max))]
+        Deflector::EllipticConic { along_max } => vec![across, tenths(2.0 * degrees(*along_max))],
+        Deflector::Polygon { facet_tilts, .. } if tilt_extent(facet_tilts) > 0.0 => {
+            vec![across, tenths(degrees(tilt_extent(facet_tilts)))]
         }
-        _ => vec![tenths(2.0 * degrees(half))],
+        _ => vec![across],
     })
 }
 
@@ -54,12 +56,16 @@ pub fn field_figures(scanner: &Scanner, sources: &Sources) -> Vec<&'static str> 
         return vec!["channels"];
     }
     match first.deflector {
-        // Where both state it, the one with a source.
-        Deflector::Polygon { effective_max, .. }
-            if effective_max < first.scan_angle_max
-                || effective_max == first.scan_angle_max && sources.has("scanAngleEffectiveMax_deg") =>
-        {
-            vec!["scanAngleEffectiveMax_deg"]
+        Deflector::Polygon { effective_max, ref facet_tilts } => {
+            // Where both state it, the one with a source.
+            let is_effective = effective_max < first.scan_angle_max
+                || effective_max == first.scan_angle_max && sources.has("scanAngleEffectiveMax_deg");
+            let mut figures =
+                vec![if is_effective { "scanAngleEffectiveMax_deg" } else { "scanAngleMax_deg" }];
+            if tilt_extent(facet_tilts) > 0.0 {
+                figures.push("facetTilts_deg");
+            }
+            figures
         }
         Deflector::EllipticConic { .. } => vec!["scanAngleMax_deg", "scanAngleAlongMax_deg"],
         Deflector::Risley { .. } | Deflector::Pattern(_) => vec!["field"],
@@ -75,6 +81,14 @@ fn half_angle(device: &Device) -> f64 {
         _ => device.scan_angle_max,
     };
     half.min(PI)
+}
+
+/// Difference between the largest and the smallest tilt of the facets of a mirror, rad; 0 or less if all draw
+/// the same line.
+fn tilt_extent(facet_tilts: &[f64]) -> f64 {
+    let ends = (f64::INFINITY, f64::NEG_INFINITY);
+    let (low, high) = facet_tilts.iter().fold(ends, |(low, high), tilt| (low.min(*tilt), high.max(*tilt)));
+    high - low
 }
 
 /// True if a mirror moves the beams. Channels that only the head turns have no mirror, though they state the
@@ -180,7 +194,7 @@ mod tests {
         ("als.xml#dji-zenmuse-l1-non-repetitive", &[77.2, 70.4]),
         ("als.xml#dji-zenmuse-l2-repetitive", &[5.7, 70.0]),
         ("als.xml#dji-zenmuse-l2-non-repetitive", &[74.5, 70.0]),
-        ("als.xml#riegl_vux-120", &[100.0]),
+        ("als.xml#riegl_vux-120", &[100.0, 20.0]),
         ("tls.xml#riegl_vz400", &[360.0, 100.0]),
         ("tls.xml#riegl_vz400i", &[360.0, 100.0]),
         ("tls.xml#riegl_vz1000", &[360.0, 100.0]),
@@ -208,7 +222,7 @@ mod tests {
         ("tls.xml#livox_mid-40", &[38.4, 38.4]),
         ("tls.xml#livox_mid-70", &[70.4, 70.4]),
         ("tls.xml#livox_mid-360", &[360.0, 59.0]),
-        ("tls.xml#livox_hap", &[120.0]),
+        ("tls.xml#livox_hap", &[120.0, 25.0]),
         ("tls.xml#livox_mid-100", &[98.4, 38.4]),
         ("tls.xml#livox-avia-non-repetitive", &[77.2, 70.4]),
         ("tls.xml#velodyne_alpha_prime", &[360.0, 40.0]),

@@ -50,8 +50,20 @@ pub struct HeadTurn {
 pub struct FigureSource {
     /// Names of the attributes and children of its element that hold the figures.
     pub figures: Vec<String>,
-    /// Title and edition.
+    /// Title and edition; [`FigureSource::NOT_VERIFIED`] and a remark for figures without one.
     pub name: String,
+}
+
+impl FigureSource {
+    /// Beginning of the name of a source that is none.
+    pub const NOT_VERIFIED: &str = "not verified";
+    /// Name of the source of a pulse length that an entry of the built-in catalogue leaves out.
+    pub const DEFAULT_PULSE_LENGTH: &str = "not verified: default of the catalogue, 4 ns, in no data sheet";
+
+    /// True if the name is that of a source.
+    pub fn is_verified(&self) -> bool {
+        !self.name.starts_with(Self::NOT_VERIFIED)
+    }
 }
 
 /// One device: deflector, head, optics, detector.
