@@ -120,6 +120,8 @@ class Survey(Checked):
         self._file: str | None = None
         self._text: str | None = None
         self._name = "<python>"
+        # Recorded poses of the document in memory, by the names that its legs have for their files.
+        self._trajectories: dict[str, TableLike | ArrayLike] = {}
         # Keys of the legs of a file as they were read, and whether they hold all that it has about legs.
         self._read_legs: tuple[list[dict[str, object]], bool] | None = None
 
@@ -141,7 +143,13 @@ class Survey(Checked):
         return value
 
     @staticmethod
-    def from_document(text: str, scene: Scene | PathLike | None = None, path: PathLike = "<python>") -> Survey:
+    def from_document(
+        text: str,
+        scene: Scene | PathLike | None = None,
+        path: PathLike = "<python>",
+        *,
+        trajectories: Mapping[str, TableLike | ArrayLike] | None = None,
+    ) -> Survey:
         """Return the survey of a document in memory.
 
         Parameters
@@ -153,11 +161,20 @@ class Survey(Checked):
         path : str or path-like
             Name of the document in messages. Files that the document names are searched in the folder of this name, too. The file
             itself need not exist.
+        trajectories : mapping of str to array_like, mapping or Arrow table, optional
+            Recorded poses in memory by the names that legs in XML have for their files (``trajectory="name"``): n rows as for the
+            trajectory of :class:`Survey`. Angles are degrees, or radians where legs have ``toRadians="false"``, composed as
+            ``rotationSpec`` says.
 
         Returns
         -------
         Survey
             The survey.
+
+        Raises
+        ------
+        TypeError
+            ``trajectories`` is no mapping.
 
         Examples
         --------
@@ -167,6 +184,9 @@ class Survey(Checked):
         """
         survey = Survey(scene)
         survey._text, survey._name = text, os.fspath(path)
+        if not (trajectories is None or isinstance(trajectories, Mapping)):
+            raise TypeError(f"trajectories are tables by name, found {type(trajectories).__name__}")
+        survey._trajectories = dict(trajectories or {})
         return survey
 
     @staticmethod
@@ -317,7 +337,9 @@ class Survey(Checked):
         if "output" in options and self.name is None and self._text is None and self._file is None:
             # Its folder has the name of the survey.
             document = _toml.document({"name": "survey", **self._keys()})
-        return _vlscan.Request(options, document=(self._document_name(), document), scene=scene, trajectory=trajectory, pulses=pulses)
+        named = [(name, columns_of(table, TRAJECTORY_COLUMNS)) for name, table in self._trajectories.items()]
+        text = (self._document_name(), document, named)
+        return _vlscan.Request(options, document=text, scene=scene, trajectory=trajectory, pulses=pulses)
 
     def _document_name(self) -> str:
         """Return the name of the document in memory, in the folder that it named when the survey was made."""

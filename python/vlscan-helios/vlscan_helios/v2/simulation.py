@@ -129,12 +129,10 @@ class Simulation:
             if self._model is None:
                 self._measure(Survey.open(place_of(self._recipe.survey, self._recipe.folder)), self._recipe.options)
                 return
-            from vlscan_helios.v3.survey_xml import trajectory_folder
-
-            with trajectory_folder(self._model.platform) as folder, self._assets():
+            with self._assets():
                 beside = [path for path in ("assets", os.path.dirname(self._recipe.survey)) if path]
                 options = {**self._recipe.options, "assets": [*self._recipe.options.get("assets", ()), *beside]}
-                self._measure(self._model.engine(folder), options)
+                self._measure(self._model.engine(), options)
         except BaseException as failure:
             self._failure = failure
         finally:
