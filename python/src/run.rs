@@ -169,7 +169,7 @@ impl Request {
 }
 
 /// Adds to columns with `ScannerX` those that MCAP is written of.
-fn add_frames(columns: &mut Vec<Column>) {
+pub fn add_frames(columns: &mut Vec<Column>) {
     if columns.contains(&Column::ScannerX) {
         columns.extend(Column::OF_FRAMES);
     }
