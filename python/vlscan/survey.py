@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import operator
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar, TypedDict
 
@@ -251,7 +251,7 @@ class Survey(Checked):
         >>> found.scanner, found.platform, found.platform_kind, len(found.legs)
         ('tls_polygon', 'tripod', 'static', 2)
         """
-        request = self._request(values_of(options, writes_files=False))
+        request = self._request(values_of(options, Survey.contents, writes_files=False))
         name, scanner, platform, parts, waveform, legs, _, found = _vlscan.contents(request)
         references = None if found is None else References(**found)
         return SurveyContents(name, *scanner, *platform, parts, waveform, [Leg._of_file(leg) for leg in legs], references)
@@ -335,8 +335,9 @@ class Survey(Checked):
             return _vlscan.Request(options, file=file, scene=scene, trajectory=trajectory, pulses=pulses)
         document = self.document()
         if "output" in options and self.name is None and self._text is None and self._file is None:
-            # Its folder has the name of the survey.
-            document = _toml.document({"name": "survey", **self._keys()})
+            # Its folder has the name of the survey. Without a name all keys are in tables, below an empty line, so that lines in
+            # messages stay those of document().
+            document = f'name = "survey"{document}'
         named = [(name, columns_of(table, TRAJECTORY_COLUMNS)) for name, table in self._trajectories.items()]
         text = (self._document_name(), document, named)
         return _vlscan.Request(options, document=text, scene=scene, trajectory=trajectory, pulses=pulses)
@@ -409,7 +410,7 @@ class Survey(Checked):
         >>> survey.run(to="room.laz", seed=1, force=True).files
         ['room.laz']
         """
-        values, tables = recorded(to, waveforms, pulses, options, ("progress",))
+        values, tables = recorded(to, waveforms, pulses, options, Survey.run)
         with shown_progress(progress) as tell:
             return Result(_vlscan.run(self._flight(values), tables, tell))
 
@@ -441,7 +442,7 @@ class Survey(Checked):
         >>> len(forecast.legs), forecast.files[0].name
         (2, 'room.laz')
         """
-        values, _ = recorded(to, None, None, options)
+        values, _ = recorded(to, None, None, options, Survey.dry_run)
         return DryRun.of(_vlscan.dry_run(self._flight(values)))
 
     def fly_trajectory(self, interval: float | None = None, *, true: bool = False, **options: Unpack[RunOptions]) -> Table:
@@ -481,7 +482,8 @@ class Survey(Checked):
             raise TypeError(f"interval is {given!r}, expected a number of seconds")
         if interval is not None and not 0 < interval < float("inf"):
             raise ValueError(f"interval is {interval}, expected seconds above 0")
-        return Table(_vlscan.fly(self._flight(values_of(options, writes_files=False)), "poses", interval, true))
+        values = values_of(options, Survey.fly_trajectory, writes_files=False)
+        return Table(_vlscan.fly(self._flight(values), "poses", interval, true))
 
     def fly_pulses(self, **options: Unpack[RunOptions]) -> Table:
         """Fly the survey without measuring, and return its pulses.
@@ -508,7 +510,8 @@ class Survey(Checked):
         >>> traced.point_count > 1000
         True
         """
-        return Table(_vlscan.fly(self._flight(values_of(options, writes_files=False)), "pulses", None, False))
+        values = values_of(options, Survey.fly_pulses, writes_files=False)
+        return Table(_vlscan.fly(self._flight(values), "pulses", None, False))
 
     def run_batches(
         self,
@@ -564,7 +567,7 @@ class Survey(Checked):
         >>> sum(len(batch) for batch in survey.run_batches(1000, seed=1)) == survey.run(seed=1).point_count
         True
         """
-        values, tables = recorded(to, waveforms, pulses, options, ("rows", "per_leg", "seconds", "batch_columns"))
+        values, tables = recorded(to, waveforms, pulses, options, Survey.run_batches)
         if isinstance(rows, bool) or (seconds is not None and isinstance(seconds, (str, bool))):
             raise TypeError(f"rows and seconds are numbers, found {rows!r} and {seconds!r}")
         if seconds is not None and not 0 < seconds < float("inf"):
@@ -809,8 +812,7 @@ def trace(
         pulses = columns
     elif not (origins is None and directions is None and time is None):
         raise TypeError("trace() takes either pulses or origins, directions and time, which are columns of pulses")
-    own = ("scene", "origins", "directions", "scanner", "time", "waveform", "detector", "progress")
-    values, tables = recorded(to, waveforms, None, options, own)
+    values, tables = recorded(to, waveforms, None, options, trace)
     with shown_progress(progress) as tell:
         return Result(_vlscan.run(survey._request(values, columns_of(pulses, ())), tables, tell))
 
@@ -830,17 +832,16 @@ def recorded(
     waveforms: bool | None,
     pulses: bool | None,
     options: Mapping[str, object],
-    arguments: Iterable[str] = (),
+    call: Callable[..., object],
 ) -> tuple[dict[str, object], list[str]]:
-    """Return the values of a run's options, and the tables that it leaves in memory. ``arguments`` are as for :func:`values_of`."""
-    known = ("to", "waveforms", "pulses", *arguments)
+    """Return the values of a run's options, and the tables that it leaves in memory; ``call`` as for :func:`values_of`."""
     recorded = {"waveforms": waveforms, "pulses": pulses}
     if to is None and options.get("output") is None:
         # The run counts the points of its first table.
         tables = ["points", *(name for name, is_wanted in recorded.items() if is_wanted), "trajectory"]
-        return values_of(options, writes_files=False, arguments=known), tables
+        return values_of(options, call, writes_files=False), tables
     switches = {name: is_wanted for name, is_wanted in recorded.items() if is_wanted is not None}
-    values = {**values_of(options, arguments=known), **switches}
+    values = {**values_of(options, call), **switches}
     if to is None:
         return values, ["trajectory"]
     if "output" in values:

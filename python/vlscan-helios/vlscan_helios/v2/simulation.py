@@ -59,6 +59,7 @@ class Simulation:
         self._recipe = recipe
         self._model: Model | None = None
         self._as_read: tuple[Leg, ...] = ()
+        self._playback: Playback | None = None
         self._thread: threading.Thread | None = None
         self._batches: Batches | None = None
         self._done, self._is_stopped, self._resumed = threading.Event(), threading.Event(), threading.Event()
@@ -72,11 +73,12 @@ class Simulation:
     @property
     def sim(self) -> Playback:
         """The survey with its legs, scanner and platform, which can be changed before the start."""
-        from .views import Playback
+        if self._playback is None:
+            from .views import Playback
 
-        playback = Playback(self._read(), lambda: self._thread is not None, self._recipe.survey, self._as_read)
-        playback.simulation = self
-        return playback
+            self._playback = Playback(self._read(), lambda: self._thread is not None, self._recipe.survey, self._as_read)
+            self._playback.simulation = self
+        return self._playback
 
     if not TYPE_CHECKING:
 
