@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from datetime import date, datetime, timezone
 from difflib import get_close_matches
 from functools import wraps
@@ -13,6 +13,7 @@ from typing import TypeVar, cast
 import numpy as np
 
 from . import catalogue
+from ._typing import PathLike
 
 Function = TypeVar("Function", bound=Callable[..., object])
 
@@ -78,6 +79,56 @@ def values_of(options: Mapping[str, object], call: Callable[..., object] | None 
             raise ValueError("columns names no column; leave it out for those of a run by default")
         values[name] = [value] if known[name].is_list and not isinstance(value, (dict, list)) else value
     return values
+
+
+def recorded(
+    to: PathLike | Iterable[PathLike] | None,
+    waveforms: bool | None,
+    pulses: bool | None,
+    options: Mapping[str, object],
+    call: Callable[..., object],
+) -> tuple[dict[str, object], list[str]]:
+    """Return the values of the options of a run, and what it leaves in memory.
+
+    Parameters
+    ----------
+    to : str, path-like or iterable of them, optional
+        The files of points.
+    waveforms, pulses : bool, optional
+        Whether they are recorded, too.
+    options : mapping
+        Other options.
+    call : callable
+        As for :func:`values_of`.
+
+    Returns
+    -------
+    values : dict
+        The values for the engine.
+    tables : list of str
+        Names of the tables in memory.
+
+    Raises
+    ------
+    TypeError, ValueError
+        As for :func:`values_of`; ``to`` names no file, or there is another folder of outputs.
+    """
+    switches = {"waveforms": waveforms, "pulses": pulses}
+    if to is None and options.get("output") is None:
+        # The run counts the points of its first table.
+        tables = ["points", *(name for name, is_wanted in switches.items() if is_wanted), "trajectory"]
+        return values_of(options, call, writes_files=False), tables
+    values = values_of(options, call) | {name: is_wanted for name, is_wanted in switches.items() if is_wanted is not None}
+    if to is None:
+        return values, ["trajectory"]
+    if "output" in values:
+        raise ValueError("give either to, the names of files, or output, a folder in the layout of HELIOS++")
+    if not isinstance(to, (str, bytes, os.PathLike, Iterable)):
+        raise TypeError(f"to is the name of a file, or several, found {type(to).__name__}")
+    files = [to] if isinstance(to, (str, bytes, os.PathLike)) else list(to)
+    if not files:
+        raise ValueError("to names no file; without it the points stay in memory")
+    return {**values, "out": [os.fsdecode(file) for file in files]}, ["trajectory"]
 
 
 def _arguments(call: Callable[..., object] | None, writes_files: bool) -> list[str]:

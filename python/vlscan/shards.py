@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 from . import _vlscan
 from ._libraries import shown_progress
 from ._typing import PathLike, Progress
-from ._values import values_of
+from ._values import recorded, values_of
 from .results import Result
-from .survey import Survey, opened, recorded
+from .survey import Survey, opened
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
