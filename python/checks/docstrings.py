@@ -23,10 +23,15 @@ def documented() -> Iterator[str]:
             if isinstance(thing, (FunctionType, type)) and not isinstance(thing, EnumMeta):
                 yield f"{package.__name__}.{name}"
             if isinstance(thing, type):
+                # Of its bases those that are not public have no check of their own.
+                bases = [
+                    base for base in thing.__mro__[1:] if base.__module__.startswith("vlscan") and base.__name__ not in package.__all__
+                ]
+                found = {part: value for owner in (*reversed(bases), thing) for part, value in vars(owner).items()}
                 # Names that begin with "model_" are those of pydantic.
                 parts = (FunctionType, staticmethod, classmethod, property, cached_property)
-                found = (part for part, value in vars(thing).items() if isinstance(value, parts) and not part.startswith(("_", "model_")))
-                yield from (f"{package.__name__}.{name}.{part}" for part in found)
+                names = [part for part, value in found.items() if isinstance(value, parts) and not part.startswith(("_", "model_"))]
+                yield from (f"{package.__name__}.{name}.{part}" for part in names)
 
 
 problems = [f"{name}: {code} {text}" for name in documented() for code, text in validate(name)["errors"] if code in CHECKS]

@@ -4,7 +4,7 @@ use pyo3::exceptions::{PyKeyboardInterrupt, PyRuntimeError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 use std::sync::{Arc, Mutex, PoisonError};
-use vlscan::base::diag::{Diagnostic, Severity};
+use vlscan::base::diag::{Diagnostic, ProblemKind, Severity};
 use vlscan::base::error::MissingFile;
 use vlscan::render::Render as _;
 use vlscan::{Diagnostics, Error, Notice};
@@ -65,7 +65,23 @@ fn record<'py>(py: Python<'py>, problem: &Diagnostic) -> PyResult<Bound<'py, PyD
     fields.set_item("line", place.map(|place| place.line).filter(|line| *line > 0))?;
     fields.set_item("column", place.filter(|place| place.line > 0).map(|place| place.column))?;
     fields.set_item("help", problem.help.as_deref())?;
+    fields.set_item("kind", kind(problem.kind))?;
     Ok(fields)
+}
+
+/// The name of a kind of problems, of `vlscan.errors.ProblemKind`.
+fn kind(kind: ProblemKind) -> &'static str {
+    match kind {
+        ProblemKind::NotFound => "not_found",
+        ProblemKind::Exists => "exists",
+        ProblemKind::TooLarge => "too_large",
+        ProblemKind::OutOfBounds => "out_of_bounds",
+        ProblemKind::Truncated => "truncated",
+        ProblemKind::Unsupported => "unsupported",
+        ProblemKind::NotDivisible => "not_divisible",
+        ProblemKind::InUse => "in_use",
+        _ => "invalid",
+    }
 }
 
 /// Collects what the engine reports during a run.

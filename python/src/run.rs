@@ -23,13 +23,18 @@ use vlscan::{
 /// Rows of pulses that are traced together.
 const PULSE_ROWS: usize = 4096;
 
-/// Input of a run: a survey or pipeline file, or a pipeline as text; a scene that replaces its own; a
-/// trajectory or pulses in memory; options.
+/// A document in memory: its name in messages, its text, and the trajectories that its legs name.
+type Document<'py> = (PathBuf, String, Vec<(String, Bound<'py, PyAny>)>);
+
+/// Input of a run: a survey or pipeline file, or such a document; a scene that replaces its own; a trajectory
+/// or pulses in memory; options.
 #[pyclass(frozen, module = "vlscan")]
 pub struct Request {
     file: Option<PathBuf>,
     /// Name in messages and text.
     document: (PathBuf, String),
+    /// Arrow streams by the names that legs of XML give as their files.
+    named_trajectories: Vec<(String, Arc<[u8]>)>,
     options: OptionValues,
     scene: Option<Py<Scene>>,
     trajectory: Option<Arc<[u8]>>,
@@ -39,15 +44,15 @@ pub struct Request {
 
 #[pymethods]
 impl Request {
-    /// `options` are values by name. `document` is a name and a text: files are searched in the folder of the
-    /// name, too. `trajectory` and `pulses` are tables.
+    /// `options` are values by name. `document` is a name, a text and tables by name: files are searched in the
+    /// folder of the name, too. `trajectory` and `pulses` are tables.
     #[new]
     #[pyo3(signature = (options, file=None, document=None, scene=None, trajectory=None, pulses=None))]
     fn new(
         py: Python<'_>,
         options: &Bound<'_, PyDict>,
         file: Option<PathBuf>,
-        document: Option<(PathBuf, String)>,
+        document: Option<Document<'_>>,
         scene: Option<Py<Scene>>,
         trajectory: Option<Bound<'_, PyAny>>,
         pulses: Option<Bound<'_, PyAny>>,
@@ -59,8 +64,22 @@ impl Request {
         let trajectory = trajectory.map(stream).transpose()?.map(Arc::from);
         let pulses = pulses.map(stream).transpose()?.map(Arc::from);
         let options = values(options)?;
-        let document = document.unwrap_or_else(|| (PathBuf::from("<python>"), String::new()));
-        Ok(Request { file, document, options, scene, trajectory, pulses, streamed_divergence: true })
+        let (name, text, tables) =
+            document.unwrap_or_else(|| (PathBuf::from("<python>"), String::new(), Vec::new()));
+        let mut named_trajectories: Vec<(String, Arc<[u8]>)> = Vec::new();
+        for (name, table) in tables {
+            named_trajectories.push((name, Arc::from(stream(table)?)));
+        }
+        Ok(Request {
+            file,
+            document: (name, text),
+            named_trajectories,
+            options,
+            scene,
+            trajectory,
+            pulses,
+            streamed_divergence: true,
+        })
     }
 }
 
@@ -71,6 +90,7 @@ impl Request {
         let has_file = !options.output.out.is_empty() || options.output.output.is_some();
         options.is_traced = self.pulses.is_some();
         options.scene = self.scene.as_ref().map(|scene| scene.get().recipe.clone());
+        options.named_trajectories = self.named_trajectories.clone();
         if let Some(bytes) = &self.trajectory {
             options.trajectory.content = Some(bytes.clone());
             options.trajectory.path = Some(PathBuf::from("<trajectory>"));
@@ -149,7 +169,7 @@ impl Request {
 }
 
 /// Adds to columns with `ScannerX` those that MCAP is written of.
-fn add_frames(columns: &mut Vec<Column>) {
+pub fn add_frames(columns: &mut Vec<Column>) {
     if columns.contains(&Column::ScannerX) {
         columns.extend(Column::OF_FRAMES);
     }

@@ -2,7 +2,7 @@
 
 use crate::errors::{Notices, exception};
 use crate::options::values;
-use crate::run::{Outcome, Request, collected, columns_in_memory, tell};
+use crate::run::{Outcome, Request, add_frames, collected, columns_in_memory, tell};
 use crate::table::{Table, decode_stream};
 use crate::watch::{Interruption, watched};
 use pyo3::exceptions::PyValueError;
@@ -150,7 +150,8 @@ pub fn merge_shards(
             // Points stay in memory.
             outputs.sinks.clear();
             let cloud = &mut outputs.cloud;
-            cloud.columns.get_or_insert_with(|| columns_in_memory(cloud.misses, cloud.heights, true));
+            let (misses, heights) = (cloud.misses, cloud.heights);
+            add_frames(cloud.columns.get_or_insert_with(|| columns_in_memory(misses, heights, true)));
         }
         own_notices.add(Notice::Warnings(merge_warnings(&shards, &outputs)?));
         let control = RunContext::new(&own_counters, &own.stop);

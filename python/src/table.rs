@@ -168,9 +168,12 @@ impl Table {
         py.detach(|| {
             let batch = concat_batches(&schema, all.iter().map(|table| &table.batch)).map_err(wrong)?;
             let beside: Option<Vec<&RecordBatch>> = all.iter().map(|table| table.exact.as_ref()).collect();
-            let exact = match beside {
-                Some(batches) if facts.is_some() => {
-                    Some(concat_batches(&batches[0].schema(), batches.iter().copied()).map_err(wrong)?)
+            let beside = beside.filter(|_| facts.is_some());
+            let schema = first.exact.as_ref().map(RecordBatch::schema);
+            let exact = match schema.zip(beside) {
+                // A run without widths of echoes has fewer of them than shards of it.
+                Some((schema, batches)) if batches.iter().all(|batch| batch.schema() == schema) => {
+                    Some(concat_batches(&schema, batches).map_err(wrong)?)
                 }
                 _ => None,
             };

@@ -102,6 +102,23 @@ def test_shards_are_those_of_one_run(room, tmp_path, monkeypatch):
         vlscan.check_shards(tmp_path / "shards")
 
 
+def test_merged_points_in_memory_have_the_times_of_files(tmp_path):
+    street = FIXTURES / "street/spinning.xml"
+    for number in range(2):
+        vlscan.run_shard(street, tmp_path / "shards", number, 2, seed=5)
+    run = vlscan.run(street, seed=5).points
+    columns = [*run.columns, *(f"{name}{axis}" for name in ("BeamOrigin", "BeamDirection", "Scanner") for axis in "XYZ")]
+    merged = vlscan.merge_shards(tmp_path / "shards", columns=columns).points
+    merged.write(tmp_path / "merged.mcap")
+    vlscan.Points.concat([merged[:1000], merged[1000:]]).write(tmp_path / "joined.mcap")
+    vlscan.run(street, seed=5, columns=columns).points.write(tmp_path / "run.mcap")
+    vlscan.merge_shards(tmp_path / "shards", to=tmp_path / "file.mcap")
+    expected = (tmp_path / "file.mcap").read_bytes()
+    assert all((tmp_path / f"{name}.mcap").read_bytes() == expected for name in ("merged", "joined", "run"))
+    # A run without widths of echoes has other values beside its columns than its shards.
+    assert len(vlscan.Points.concat([vlscan.merge_shards(tmp_path / "shards").points, run])) == 2 * len(run)
+
+
 def test_scenes_are_made(command, tmp_path):
     made = vlscan.make_scene("forest", tmp_path / "own", triangles=3000, seed=2, pulses=20_000, separate_trees=True)
     assert (

@@ -100,6 +100,33 @@ def test_a_survey_in_memory_may_be_xml():
         Survey.from_document(text.replace("</document>", "")).run()
 
 
+def test_legs_of_xml_name_trajectories_in_memory(tmp_path):
+    rows = np.array([[0, -20, 0, 60, 0, 0, 90], [2, 0, 0, 60, 0, 0, 90], [4, 20, 0, 60, 0, 0, 90]], float)
+    names = ["time", "x", "y", "z", "roll", "pitch", "yaw"]
+    (tmp_path / "flight.csv").write_text("\n".join([",".join(names), *(",".join(map(repr, row)) for row in rows.tolist())]))
+    (tmp_path / "ground.obj").write_text("v -99 -99 0\nv 99 -99 0\nv 0 99 0\nf 1 2 3\n")
+    head = '<survey scene="s" platform="interpolated" basePlatform="data/platforms.xml#sr22" scanner="data/scanners_als.xml#leica_als50">'
+    scene = '<scene id="s"><part><filter type="objloader"><param key="filepath" value="ground.obj"/></filter></part></scene>'
+    settings = '<scannerSettings pulseFreq_hz="83000" scanFreq_hz="50" scanAngle_deg="20"/>'
+
+    def points(file, **trajectories):
+        leg = f'<leg><platformSettings trajectory="{file}" tStart="1" tEnd="2"/>{settings}</leg>'
+        survey = Survey.from_document(f"<document>{head}{leg}</survey>{scene}</document>", path=tmp_path / "a.xml", **trajectories)
+        return pickle.loads(pickle.dumps(survey)).run(seed=1).points
+
+    expected = points("flight.csv")
+    assert len(expected) > 1000
+    for poses in (rows, dict(zip(names, rows.T, strict=True)), np.rec.fromarrays(rows.T[::-1], names=names[::-1])):
+        found = points("&lt;poses&gt;", trajectories={"<poses>": poses})
+        assert all(found[name].tobytes() == expected[name].tobytes() for name in expected)
+    with pytest.warns(vlscan.VlscanWarning, match="no leg names it"):
+        points("flight.csv", trajectories={"<poses>": rows})
+    with pytest.raises(vlscan.InputError, match="<poses>"):
+        points("&lt;poses&gt;", trajectories={"<poses>": rows[:1]})
+    with pytest.raises(TypeError, match="tables by name"):
+        points("flight.csv", trajectories=rows)
+
+
 def test_platforms_tell_how_they_move():
     assert vlscan.platform_kind(f"{FIXTURES}/room/platforms.xml#tripod") == vlscan.platform_kind("tripod") == "static"
     with pytest.raises(vlscan.InputError, match="no platform|no <platform>"):

@@ -63,7 +63,12 @@ def examples():
     """Names and docstrings of what users meet, as far as these have examples."""
     things = {f"vlscan.{name}": getattr(vlscan, name) for name in vlscan.__all__}
     for name, thing in list(things.items()):
-        things |= {f"{name}.{part}": getattr(thing, part) for part in vars(thing) if not part.startswith("_")}
+        # Of a class with its bases that are not public.
+        owners = [
+            kind for kind in getattr(thing, "__mro__", ()) if kind.__module__.startswith("vlscan") and kind.__name__ not in vlscan.__all__
+        ]
+        parts = [part for owner in (thing, *owners) for part in vars(owner) if not part.startswith("_")]
+        things |= {f"{name}.{part}": getattr(thing, part) for part in parts}
     return [(name, thing.__doc__) for name, thing in things.items() if ">>>" in (getattr(thing, "__doc__", None) or "")]
 
 

@@ -361,12 +361,19 @@ def test_errors_name_file_line_and_column(room, tmp_path):
         vlscan.run(file)
     problem = next(problem for problem in caught.value.problems if "scaner" in problem.message)
     assert (problem.file, problem.line, problem.column) == (str(file), 2, 1) and "scanner" in problem.help
+    assert problem.kind == "invalid" and any(problem.kind == "not_found" for problem in caught.value.problems)
     assert isinstance(caught.value, ValueError) and "a.toml:2:1: unknown key `scaner`" in str(caught.value)
     with pytest.raises(TypeError, match="'head_rate'; did you mean 'head_rate_deg_per_s'"):
         Leg(head_rate=1)
     with pytest.raises(vlscan.InputError) as caught:
         Survey([Part.mesh(*wall())], "riegl_vz400", [Leg(scan_angle_deg="wide")]).run()
     assert caught.value.problems[0].file == "<python>" and "scan_angle_deg" in str(caught.value)
+    for options in ({}, {"output": tmp_path / "folder"}):
+        survey = Survey([Part.mesh(*wall())], "riegl_vz400", [Leg(scan_angle_deg="wide")])
+        with pytest.raises(vlscan.InputError) as caught:
+            survey.run(**options)
+        line = survey.document().splitlines()[caught.value.problems[0].line - 1]
+        assert "scan_angle_deg" in line
     with pytest.raises(vlscan.InputError, match="riegl_vz400"):
         vlscan.Scanner("riegl_vz40")
     with pytest.raises(TypeError, match="'seed'"):

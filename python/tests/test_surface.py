@@ -264,6 +264,18 @@ def test_a_typo_of_an_argument_has_a_suggestion_among_the_arguments():
         survey().run_batches(second=1)
     with pytest.raises(TypeError, match="did you mean 'batch_columns'"):
         survey().run_batches(batch_column="X")
+    with pytest.raises(TypeError, match="did you mean 'progress'"):
+        survey().run(progres=True)
+    with pytest.raises(TypeError, match="did you mean 'interval'"):
+        survey().fly_trajectory(intervall=1)
+    with pytest.raises(TypeError, match="did you mean 'resume'"):
+        vlscan.run_shard(survey(), "shards", 0, 1, resum=True)
+    with pytest.raises(TypeError, match="did you mean 'scanner'"):
+        Scene(ground()).load(scaner="vlp16")
+    # Not those of other functions.
+    for call, wrong in [(survey().dry_run, {"progres": True}), (survey().fly_pulses, {"las_scal": 1}), (survey().contents, {"rows_": 1})]:
+        with pytest.raises(TypeError, match=r"vlscan\.options\(\) lists them"):
+            call(**wrong)
     with pytest.raises(TypeError, match="rows is 10000.0, expected a whole number"):
         survey().run_batches(1e4)
 

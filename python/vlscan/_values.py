@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import os
 from collections.abc import Callable, Iterable, Mapping
 from datetime import date, datetime, timezone
@@ -12,6 +13,7 @@ from typing import TypeVar, cast
 import numpy as np
 
 from . import catalogue
+from ._typing import PathLike
 
 Function = TypeVar("Function", bound=Callable[..., object])
 
@@ -34,16 +36,35 @@ def renamed(**names: str) -> Callable[[Function], Function]:
     return decorate
 
 
-def values_of(options: Mapping[str, object], *, writes_files: bool = True, arguments: Iterable[str] = ()) -> dict[str, object]:
+def values_of(options: Mapping[str, object], call: Callable[..., object] | None = None, *, writes_files: bool = True) -> dict[str, object]:
     """Return the values of options for the engine.
 
-    ``writes_files`` is whether options of files have a meaning. ``arguments`` of the calling function are suggested for a typo, too.
+    Parameters
+    ----------
+    options : mapping
+        Values by name, as the caller gave them.
+    call : callable, optional
+        The public function that takes the options; its arguments are suggested for an unknown one.
+    writes_files : bool
+        True if options of files have an effect.
+
+    Returns
+    -------
+    dict
+        Numbers, texts, lists and dictionaries by name; options that are ``None`` are left out.
+
+    Raises
+    ------
+    TypeError
+        No option has such a name, or a value is of another kind.
+    ValueError
+        An option of files where none are written.
     """
     known = catalogue.options()
     values: dict[str, object] = {}
     for name, value in options.items():
         if name not in known:
-            close = get_close_matches(name, [*known, *arguments], 1)
+            close = get_close_matches(name, _arguments(call, writes_files), 1)
             hint = f"did you mean {close[0]!r}?" if close else "vlscan.options() lists them"
             raise TypeError(f"no option of a run is called {name!r}; {hint}")
         value = _plain(name, value, known[name].has_value)
@@ -58,6 +79,64 @@ def values_of(options: Mapping[str, object], *, writes_files: bool = True, argum
             raise ValueError("columns names no column; leave it out for those of a run by default")
         values[name] = [value] if known[name].is_list and not isinstance(value, (dict, list)) else value
     return values
+
+
+def recorded(
+    to: PathLike | Iterable[PathLike] | None,
+    waveforms: bool | None,
+    pulses: bool | None,
+    options: Mapping[str, object],
+    call: Callable[..., object],
+) -> tuple[dict[str, object], list[str]]:
+    """Return the values of the options of a run, and what it leaves in memory.
+
+    Parameters
+    ----------
+    to : str, path-like or iterable of them, optional
+        The files of points.
+    waveforms, pulses : bool, optional
+        Whether they are recorded, too.
+    options : mapping
+        Other options.
+    call : callable
+        As for :func:`values_of`.
+
+    Returns
+    -------
+    values : dict
+        The values for the engine.
+    tables : list of str
+        Names of the tables in memory.
+
+    Raises
+    ------
+    TypeError, ValueError
+        As for :func:`values_of`; ``to`` names no file, or there is another folder of outputs.
+    """
+    switches = {"waveforms": waveforms, "pulses": pulses}
+    if to is None and options.get("output") is None:
+        # The run counts the points of its first table.
+        tables = ["points", *(name for name, is_wanted in switches.items() if is_wanted), "trajectory"]
+        return values_of(options, call, writes_files=False), tables
+    values = values_of(options, call) | {name: is_wanted for name, is_wanted in switches.items() if is_wanted is not None}
+    if to is None:
+        return values, ["trajectory"]
+    if "output" in values:
+        raise ValueError("give either to, the names of files, or output, a folder in the layout of HELIOS++")
+    if not isinstance(to, (str, bytes, os.PathLike, Iterable)):
+        raise TypeError(f"to is the name of a file, or several, found {type(to).__name__}")
+    files = [to] if isinstance(to, (str, bytes, os.PathLike)) else list(to)
+    if not files:
+        raise ValueError("to names no file; without it the points stay in memory")
+    return {**values, "out": [os.fsdecode(file) for file in files]}, ["trajectory"]
+
+
+def _arguments(call: Callable[..., object] | None, writes_files: bool) -> list[str]:
+    """Return the names of the arguments of a function, options included; without those of files if it never writes any."""
+    parameters = [] if call is None else inspect.signature(call).parameters.values()
+    own = [parameter.name for parameter in parameters if parameter.kind != parameter.VAR_KEYWORD and parameter.name != "self"]
+    takes_files = writes_files or "to" in own
+    return own + [name for name, option in catalogue.options().items() if takes_files or not option.is_of_files]
 
 
 def _plain(name: str, value: object, has_value: bool) -> object:

@@ -308,7 +308,7 @@ class Request:
         cls,
         options: dict[str, Any],
         file: str | os.PathLike[str] | None = None,
-        document: tuple[str, str] | None = None,
+        document: tuple[str, str, list[tuple[str, _Table]]] | None = None,
         scene: Scene | None = None,
         trajectory: _Table | None = None,
         pulses: _Table | None = None,

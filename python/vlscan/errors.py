@@ -17,7 +17,7 @@ from dataclasses import asdict, dataclass
 from functools import cache, partial
 from importlib import import_module
 from tempfile import TemporaryDirectory, mkdtemp
-from typing import Any
+from typing import Any, Literal, TypeAlias
 
 from ._options import RunOptions
 
@@ -141,6 +141,12 @@ def in_python(text: str) -> str:
     return "`".join(part if kept else _OPTION.sub(_keyword, part) for part, kept in zip(parts, is_command, strict=True))
 
 
+#: Kinds of problems, for programs that handle some of them.
+ProblemKind: TypeAlias = Literal[
+    "invalid", "not_found", "exists", "too_large", "out_of_bounds", "truncated", "unsupported", "not_divisible", "in_use"
+]
+
+
 @dataclass(frozen=True)
 class Problem:
     """A problem of the input, with its place in a file if it has one.
@@ -157,6 +163,10 @@ class Problem:
         The place in the file, from 1.
     help : str, optional
         How to solve it.
+    kind : str
+        ``not_found`` (a file), ``exists`` (an output), ``too_large`` (more memory than allowed), ``out_of_bounds`` (an index),
+        ``truncated`` (a file), ``unsupported`` (a feature), ``not_divisible`` (a run into shards), ``in_use`` (a folder of another
+        process); ``invalid`` for all others.
     """
 
     severity: str
@@ -165,6 +175,7 @@ class Problem:
     line: int | None = None
     column: int | None = None
     help: str | None = None
+    kind: ProblemKind = "invalid"
 
     def __post_init__(self) -> None:
         for name in ("message", "help"):

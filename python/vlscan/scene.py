@@ -6,7 +6,7 @@ import html
 import json
 import operator
 import os
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -154,7 +154,7 @@ class Scene:
         FileError
             A file of the scene cannot be read.
         """
-        self._scene.load(*_loading(scanner, options))
+        self._scene.load(*_loading(scanner, options, Scene.load))
         return self
 
     def pack(self, path: PathLike, scanner: str | None = None, **options: Unpack[RunOptions]) -> None:
@@ -178,7 +178,7 @@ class Scene:
             A file cannot be read or written.
         """
         refuse_existing(os.fspath(path), bool(options.get("force")))
-        self._scene.pack(os.fspath(path), *_loading(scanner, options))
+        self._scene.pack(os.fspath(path), *_loading(scanner, options, Scene.pack))
 
     def unload(self) -> None:
         """Free the memory of scene and tree; the next run loads them again."""
@@ -466,7 +466,7 @@ def _parts(source: object) -> list[Part]:
     return parts
 
 
-def _loading(scanner: str | None, options: Mapping[str, object]) -> tuple[str, dict[str, object]]:
-    """Return the pipeline and the options with which a scene is loaded."""
+def _loading(scanner: str | None, options: Mapping[str, object], call: Callable[..., object]) -> tuple[str, dict[str, object]]:
+    """Return the pipeline and the options with which a scene is loaded; ``call`` as for :func:`values_of`."""
     keys = Scanner(scanner or _DEFAULT_SCANNER).keys
-    return _toml.document({"scanner": keys}), values_of(options)
+    return _toml.document({"scanner": keys}), values_of(options, call)

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from . import _vlscan
 from ._libraries import shown_progress
 from ._typing import PathLike, Progress
-from ._values import values_of
+from ._values import recorded, values_of
 from .results import Result
-from .survey import Survey, opened, recorded
+from .survey import Survey, opened
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -69,7 +69,7 @@ def run_shard(
     """
     if not 0 <= number < of:
         raise ValueError(f"shard {number} of {of}, expected a number from 0 to {of - 1}")
-    request, force = _divided(survey, options, waveforms, pulses)
+    request, force = _divided(survey, options, waveforms, pulses, run_shard)
     with shown_progress(progress) as tell:
         path, _ = _vlscan.run_shard(request, os.fspath(folder), (number, of), resume, force, tell)
     return Path(path)
@@ -102,7 +102,7 @@ def index_shards(survey: Survey | PathLike, folder: PathLike, **options: Unpack[
     >>> vlscan.index_shards("fixtures/room/survey.xml", "indexed") > 10_000
     True
     """
-    request, force = _divided(survey, options, None, None)
+    request, force = _divided(survey, options, None, None, index_shards)
     _, pulses = _vlscan.run_shard(request, os.fspath(folder), None, False, force)
     return pulses
 
@@ -143,7 +143,7 @@ def merge_shards(
     >>> vlscan.merge_shards("whole").point_count == vlscan.run("fixtures/room/survey.xml", seed=1).point_count
     True
     """
-    values, tables = recorded(to, waveforms, pulses, options)
+    values, tables = recorded(to, waveforms, pulses, options, merge_shards)
     with shown_progress(progress) as tell:
         outcome = _vlscan.merge_shards(os.fspath(folder), values, tables, False, tell)
     if outcome is None:
@@ -167,7 +167,9 @@ def check_shards(folder: PathLike) -> None:
     _vlscan.merge_shards(os.fspath(folder), {}, [], True)
 
 
-def _divided(survey: Survey | PathLike, options: RunOptions, waveforms: bool | None, pulses: bool | None) -> tuple[_vlscan.Request, bool]:
+def _divided(
+    survey: Survey | PathLike, options: RunOptions, waveforms: bool | None, pulses: bool | None, call: Callable[..., object]
+) -> tuple[_vlscan.Request, bool]:
     """Return the request of a shard, and whether files are replaced."""
     recorded_too = {name: True for name, is_wanted in (("waveforms", waveforms), ("pulses", pulses)) if is_wanted}
-    return opened(survey)._request({**values_of(options), **recorded_too}), bool(options.get("force"))
+    return opened(survey)._request({**values_of(options, call), **recorded_too}), bool(options.get("force"))

@@ -3,28 +3,23 @@
 from __future__ import annotations
 
 import operator
-import os
 from collections.abc import Iterable, Mapping
 from functools import partial
-from typing import TYPE_CHECKING, Any, ClassVar, TypedDict
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from . import _toml, _vlscan
-from ._checked import Checked
-from ._columns import EngineTable, columns_of
+from . import _vlscan
+from ._columns import columns_of
 from ._conversions import unmasked
+from ._description import TRAJECTORY_COLUMNS, SurveyArguments, SurveyDescription
 from ._libraries import shown_progress
 from ._typing import PathLike, Progress, TableLike
-from ._values import values_of
-from .contents import References, SurveyContents
-from .errors import InputError
+from ._values import recorded, values_of
 from .forecast import DryRun
-from .instruments import Platform, Scanner
-from .legs import Leg, keys_of, legs_of
+from .instruments import Scanner
 from .parts import Part
-from .places import asset_folders, place_of, working_folder
 from .results import Batches, Result
 from .scene import Scene, rays_of
 from .tables import Table
@@ -34,24 +29,21 @@ if TYPE_CHECKING:
 
     from ._options import RunOptions
 
-#: Columns of a trajectory as an array.
-TRAJECTORY_COLUMNS = ("time", "x", "y", "z", "roll", "pitch", "yaw")
+__all__ = [
+    "TRAJECTORY_COLUMNS",
+    "Survey",
+    "SurveyArguments",
+    "dry_run",
+    "opened",
+    "pulses",
+    "run",
+    "run_batches",
+    "trace",
+    "trajectory",
+]
 
 
-class SurveyArguments(TypedDict, total=False):
-    """Arguments of :class:`Survey` but its scene."""
-
-    scanner: Scanner | str | Mapping[str, object] | None
-    legs: Iterable[Leg]
-    platform: Platform | str | None
-    trajectory: PathLike | TableLike | ArrayLike | None
-    settings: Mapping[str, object] | None
-    waveform: Mapping[str, object] | None
-    detector: Mapping[str, object] | None
-    name: str | None
-
-
-class Survey(Checked):
+class Survey(SurveyDescription):
     """A scanner that legs or a trajectory carry through a scene.
 
     Parameters
@@ -88,251 +80,6 @@ class Survey(Checked):
     >>> len(points) > 1000
     True
     """
-
-    _ATTRIBUTES: ClassVar[tuple[str, ...]] = (
-        *("scene", "scanner", "legs", "platform", "trajectory", "settings", "waveform", "detector", "name"),
-    )
-
-    def __init__(
-        self,
-        scene: Scene | PathLike | Part | Iterable[Part] | None = None,
-        scanner: Scanner | str | Mapping[str, object] | None = None,
-        legs: Iterable[Leg] = (),
-        *,
-        platform: Platform | str | None = None,
-        trajectory: PathLike | TableLike | ArrayLike | None = None,
-        settings: Mapping[str, object] | None = None,
-        waveform: Mapping[str, object] | None = None,
-        detector: Mapping[str, object] | None = None,
-        name: str | None = None,
-    ) -> None:
-        self.scene = scene if scene is None or isinstance(scene, Scene) else Scene(scene)
-        self.scanner = None if scanner is None else Scanner.of(scanner)
-        self.legs = legs_of(legs)
-        self.platform = None if platform is None else Platform.of(platform)
-        self.trajectory = trajectory
-        self.settings = dict(settings or {})
-        self.waveform = dict(waveform or {})
-        self.detector = dict(detector or {})
-        self.name = name
-        # Working directory, relative to which files are named.
-        self._folder = working_folder()
-        self._file: str | None = None
-        self._text: str | None = None
-        self._name = "<python>"
-        # Keys of the legs of a file as they were read, and whether they hold all that it has about legs.
-        self._read_legs: tuple[list[dict[str, object]], bool] | None = None
-
-    def _checked(self, name: str, value: object) -> object:
-        if name in ("settings", "waveform", "detector"):
-            return keys_of(f"{name} of a survey", value, f"[{name}]")
-        if name == "legs":
-            return legs_of(value)
-        if value is None:
-            return None
-        if name == "scene":
-            return value if isinstance(value, Scene) else Scene(value)  # type: ignore[arg-type]
-        if name == "scanner":
-            return Scanner.of(value)  # type: ignore[arg-type]
-        if name == "platform":
-            return Platform.of(value)  # type: ignore[arg-type]
-        if name == "name" and not isinstance(value, str):
-            raise TypeError(f"name of a survey is a text, found {type(value).__name__}")
-        return value
-
-    @staticmethod
-    def from_document(text: str, scene: Scene | PathLike | None = None, path: PathLike = "<python>") -> Survey:
-        """Return the survey of a document in memory.
-
-        Parameters
-        ----------
-        text : str
-            A pipeline, TOML, as :meth:`document` and plans have it, or a survey of HELIOS++, XML.
-        scene : Scene, str or path-like, optional
-            Replaces the scene of the document.
-        path : str or path-like
-            Name of the document in messages. Files that the document names are searched in the folder of this name, too. The file
-            itself need not exist.
-
-        Returns
-        -------
-        Survey
-            The survey.
-
-        Examples
-        --------
-        >>> plan = vlscan.plan_terrestrial("riegl_vz400", around=(0, 0), radius=5, positions=1, resolution=0.25, scene="ground.obj")
-        >>> vlscan.Survey.from_document(plan.text).run(seed=1).point_count > 1000
-        True
-        """
-        survey = Survey(scene)
-        survey._text, survey._name = text, os.fspath(path)
-        return survey
-
-    @staticmethod
-    def open(path: PathLike, scene: Scene | PathLike | None = None, **changes: Unpack[SurveyArguments]) -> Survey:
-        """Open the survey of a file.
-
-        Parameters
-        ----------
-        path : str or path-like
-            A survey of HELIOS++ (``.xml``) or a pipeline (``.toml``).
-        scene : Scene, str or path-like, optional
-            Replaces the scene of the file.
-        **changes : SurveyArguments
-            Other arguments of :class:`Survey`, which replace what an XML file says; of a pipeline only the trajectory can be
-            replaced.
-
-        Returns
-        -------
-        Survey
-            The survey.
-
-        Raises
-        ------
-        ValueError
-            A pipeline would be changed.
-
-        Examples
-        --------
-        >>> survey = vlscan.Survey.open("fixtures/room/survey.xml", settings={"trajectory_interval_s": 0.1})
-        >>> "x" in survey.run(columns=["X"]).trajectory
-        True
-        """
-        survey = Survey(scene, **changes)
-        survey._file = os.fsdecode(path)
-        if "legs" not in changes:
-            del survey.legs
-        if survey._file.lower().endswith(".toml") and survey._keys():
-            raise ValueError("a pipeline file cannot be changed by arguments; give them as options of the run, or change the file")
-        return survey
-
-    def contents(self, **options: Unpack[RunOptions]) -> SurveyContents:
-        """Return what the survey consists of, that of its file included; the scene is not loaded.
-
-        Parameters
-        ----------
-        **options : RunOptions
-            Options of :meth:`run`, of which those of input files matter (``assets``).
-
-        Returns
-        -------
-        SurveyContents
-            Name, scanner, platform, parts of the scene, waveform settings, legs.
-
-        Raises
-        ------
-        InputError
-            The file is invalid.
-
-        Examples
-        --------
-        >>> found = vlscan.Survey.open("fixtures/room/survey.xml").contents()
-        >>> found.scanner, found.platform, found.platform_kind, len(found.legs)
-        ('tls_polygon', 'tripod', 'static', 2)
-        """
-        request = self._request(values_of(options, writes_files=False))
-        name, scanner, platform, parts, waveform, legs, _, found = _vlscan.contents(request)
-        references = None if found is None else References(**found)
-        return SurveyContents(name, *scanner, *platform, parts, waveform, [Leg._of_file(leg) for leg in legs], references)
-
-    def __getattr__(self, name: str) -> Any:
-        # Legs of a file are read when they are first asked for, and sent if they were changed.
-        if name != "legs" or self.__dict__.get("_file") is None:
-            raise AttributeError(f"{type(self).__name__} has no attribute {name!r}")
-        *_, legs, is_whole, _ = _vlscan.contents(self._request({}))
-        self.legs = [Leg._of_file(leg) for leg in legs]
-        self._read_legs = ([leg._keys() for leg in self.legs], is_whole)
-        return self.legs
-
-    def _leg_keys(self) -> list[dict[str, object]]:
-        """Return the keys of the legs, none for those of a file that are as they were read."""
-        if "legs" not in self.__dict__:
-            return []
-        keys = [leg._keys() for leg in legs_of(self.legs)]
-        if self._read_legs is None:
-            return keys
-        as_read, is_whole = self._read_legs
-        if keys == as_read:
-            return []
-        if not is_whole:
-            raise ValueError(f"legs of {self._file} hold more than Leg does (trajectories, pulse times, mounts); change the file")
-        return keys
-
-    def _keys(self) -> dict[str, object]:
-        keys = {
-            "name": self.name,
-            "platform": self.platform.keys if self.platform else None,
-            "scanner": self.scanner.keys if self.scanner else None,
-            "settings": self.settings or None,
-            "leg": self._leg_keys() or None,
-            "waveform": self.waveform or None,
-            "detector": self.detector or None,
-        }
-        return {key: value for key, value in keys.items() if value is not None}
-
-    def document(self) -> str:
-        """Return the survey as a pipeline file, without what is in memory: scene and trajectory.
-
-        Returns
-        -------
-        str
-            TOML.
-
-        Examples
-        --------
-        >>> print(vlscan.Survey(name="test", settings={"scan_freq_hz": 120}).document())
-        name = "test"
-        <BLANKLINE>
-        [settings]
-        scan_freq_hz = 120
-        <BLANKLINE>
-        """
-        if self._text is not None:
-            return self._text
-        keys: dict[str, object] = {}
-        if self._file is not None:
-            keys["survey"] = os.path.abspath(place_of(self._file, self._folder))
-        return _toml.document({**keys, **self._keys()})
-
-    def _request(self, options: dict[str, object], pulses: EngineTable | None = None) -> _vlscan.Request:
-        """Return what the engine runs; ``options`` are values as :func:`values_of` returns them."""
-        trajectory: EngineTable | None = None
-        folders = asset_folders(self._folder)
-        if folders:
-            options = {**options, "assets": [*_listed(options.get("assets")), *folders]}
-        if isinstance(self.trajectory, (str, os.PathLike)):
-            options = {**options, "trajectory": place_of(os.fspath(self.trajectory), self._folder)}
-        elif self.trajectory is not None:
-            trajectory = columns_of(self.trajectory, TRAJECTORY_COLUMNS)
-        scene = self.scene._scene if self.scene is not None else None
-        if self._text is not None and self._keys():
-            raise ValueError("a pipeline cannot be changed by attributes; give them as options of the run, or change its text")
-        if self._file is not None and self._file.lower().endswith(".toml") and self._keys():
-            raise ValueError("a pipeline file cannot be changed by attributes; give them as options of the run, or change the file")
-        if self._file is not None and not self._keys():
-            file = place_of(self._file, self._folder)
-            return _vlscan.Request(options, file=file, scene=scene, trajectory=trajectory, pulses=pulses)
-        document = self.document()
-        if "output" in options and self.name is None and self._text is None and self._file is None:
-            # Its folder has the name of the survey.
-            document = _toml.document({"name": "survey", **self._keys()})
-        return _vlscan.Request(options, document=(self._document_name(), document), scene=scene, trajectory=trajectory, pulses=pulses)
-
-    def _document_name(self) -> str:
-        """Return the name of the document in memory, in the folder that it named when the survey was made."""
-        folder, file = os.path.split(self._name)
-        place = place_of(folder, self._folder) if folder else folder
-        return self._name if place == folder else os.path.join(place, file)
-
-    def _flight(self, options: dict[str, object]) -> _vlscan.Request:
-        """Return the request of a run. A survey of objects without scene, scanner or flight is an error that names arguments."""
-        if self._file is None and self._text is None:
-            there = {"scene": self.scene, "scanner": self.scanner, "legs and no trajectory": self.legs or self.trajectory is not None}
-            missing = [name for name, value in there.items() if not value]
-            if missing:
-                raise InputError(f"the survey has no {', no '.join(missing)}: vlscan.Survey(scene, scanner, [vlscan.Leg((x, y, z), ...)])")
-        return self._request(options)
 
     def run(
         self,
@@ -387,7 +134,7 @@ class Survey(Checked):
         >>> survey.run(to="room.laz", seed=1, force=True).files
         ['room.laz']
         """
-        values, tables = recorded(to, waveforms, pulses, options, ("progress",))
+        values, tables = recorded(to, waveforms, pulses, options, Survey.run)
         with shown_progress(progress) as tell:
             return Result(_vlscan.run(self._flight(values), tables, tell))
 
@@ -419,7 +166,7 @@ class Survey(Checked):
         >>> len(forecast.legs), forecast.files[0].name
         (2, 'room.laz')
         """
-        values, _ = recorded(to, None, None, options)
+        values, _ = recorded(to, None, None, options, Survey.dry_run)
         return DryRun.of(_vlscan.dry_run(self._flight(values)))
 
     def fly_trajectory(self, interval: float | None = None, *, true: bool = False, **options: Unpack[RunOptions]) -> Table:
@@ -459,7 +206,8 @@ class Survey(Checked):
             raise TypeError(f"interval is {given!r}, expected a number of seconds")
         if interval is not None and not 0 < interval < float("inf"):
             raise ValueError(f"interval is {interval}, expected seconds above 0")
-        return Table(_vlscan.fly(self._flight(values_of(options, writes_files=False)), "poses", interval, true))
+        values = values_of(options, Survey.fly_trajectory, writes_files=False)
+        return Table(_vlscan.fly(self._flight(values), "poses", interval, true))
 
     def fly_pulses(self, **options: Unpack[RunOptions]) -> Table:
         """Fly the survey without measuring, and return its pulses.
@@ -486,7 +234,8 @@ class Survey(Checked):
         >>> traced.point_count > 1000
         True
         """
-        return Table(_vlscan.fly(self._flight(values_of(options, writes_files=False)), "pulses", None, False))
+        values = values_of(options, Survey.fly_pulses, writes_files=False)
+        return Table(_vlscan.fly(self._flight(values), "pulses", None, False))
 
     def run_batches(
         self,
@@ -542,7 +291,7 @@ class Survey(Checked):
         >>> sum(len(batch) for batch in survey.run_batches(1000, seed=1)) == survey.run(seed=1).point_count
         True
         """
-        values, tables = recorded(to, waveforms, pulses, options, ("rows", "per_leg", "seconds", "batch_columns"))
+        values, tables = recorded(to, waveforms, pulses, options, Survey.run_batches)
         if isinstance(rows, bool) or (seconds is not None and isinstance(seconds, (str, bool))):
             raise TypeError(f"rows and seconds are numbers, found {rows!r} and {seconds!r}")
         if seconds is not None and not 0 < seconds < float("inf"):
@@ -555,14 +304,6 @@ class Survey(Checked):
         beside = [table for table in tables if table != "points"]
         chosen = None if batch_columns is None else [batch_columns] if isinstance(batch_columns, str) else list(batch_columns)
         return Batches(partial(_vlscan.run_batches, self._flight(values), count, per_leg, seconds, 2, beside, chosen))
-
-    def __repr__(self) -> str:
-        what = [repr(self._file)] if self._file else ["pipeline"] if self._text else []
-        what += [f"{key}={value!r}" for key, value in self._keys().items() if key != "leg"]
-        if "legs" in self.__dict__ and (self.legs or not self._text):
-            # Those of a file may not have been read yet.
-            what.append(f"{len(self.legs)} leg{'' if len(self.legs) == 1 else 's'}")
-        return f"Survey({', '.join(what)})"
 
 
 def run(
@@ -787,45 +528,11 @@ def trace(
         pulses = columns
     elif not (origins is None and directions is None and time is None):
         raise TypeError("trace() takes either pulses or origins, directions and time, which are columns of pulses")
-    own = ("scene", "origins", "directions", "scanner", "time", "waveform", "detector", "progress")
-    values, tables = recorded(to, waveforms, None, options, own)
+    values, tables = recorded(to, waveforms, None, options, trace)
     with shown_progress(progress) as tell:
         return Result(_vlscan.run(survey._request(values, columns_of(pulses, ())), tables, tell))
-
-
-def _listed(value: object) -> list[object]:
-    """Return a value as a list; none is empty."""
-    return [] if value is None else value if isinstance(value, list) else [value]
 
 
 def opened(survey: Survey | PathLike) -> Survey:
     """Return a survey, or that of a file."""
     return survey if isinstance(survey, Survey) else Survey.open(survey)
-
-
-def recorded(
-    to: PathLike | Iterable[PathLike] | None,
-    waveforms: bool | None,
-    pulses: bool | None,
-    options: Mapping[str, object],
-    arguments: Iterable[str] = (),
-) -> tuple[dict[str, object], list[str]]:
-    """Return the values of a run's options, and the tables that it leaves in memory. ``arguments`` are as for :func:`values_of`."""
-    known = ("to", "waveforms", "pulses", *arguments)
-    recorded = {"waveforms": waveforms, "pulses": pulses}
-    if to is None and options.get("output") is None:
-        # The run counts the points of its first table.
-        tables = ["points", *(name for name, is_wanted in recorded.items() if is_wanted), "trajectory"]
-        return values_of(options, writes_files=False, arguments=known), tables
-    switches = {name: is_wanted for name, is_wanted in recorded.items() if is_wanted is not None}
-    values = {**values_of(options, arguments=known), **switches}
-    if to is None:
-        return values, ["trajectory"]
-    if "output" in values:
-        raise ValueError("give either to, the names of files, or output, a folder in the layout of HELIOS++")
-    if not isinstance(to, (str, bytes, os.PathLike, Iterable)):
-        raise TypeError(f"to is the name of a file, or several, found {type(to).__name__}")
-    files = [to] if isinstance(to, (str, bytes, os.PathLike)) else list(to)
-    if not files:
-        raise ValueError("to names no file; without it the points stay in memory")
-    return {**values, "out": [os.fsdecode(file) for file in files]}, ["trajectory"]

@@ -44,6 +44,7 @@ fn finish_xml(read: (Survey, Diagnostics), typed: Options) -> Result<(Survey, Op
     let chosen = typed.trajectory.clone();
     warnings.extend(doubts(&chosen, &chosen, [const { None }; OFFSETS.len()]));
     warn_of_fraction(&typed, None, &mut warnings);
+    warn_of_unused_trajectories(&typed, &survey, &mut warnings);
     let warnings = warnings.finish(typed.input.strict.is_on())?;
     check_trajectory_options(chosen, &mut survey)?;
     Ok((survey, typed, warnings))
@@ -144,6 +145,7 @@ impl Options {
                 None => self.input.scene.clone().map(SceneChoice::Named),
             },
             trajectory: self.trajectory.stream(),
+            named_trajectories: self.named_trajectories.clone(),
             is_traced: self.is_traced,
             max_memory: self.schedule.max_memory.map(|bytes| bytes.0),
             number_columns: Some(read_number_columns),
@@ -205,6 +207,7 @@ fn read_pipeline(
     let (read, mut warnings) = vlscan_survey::read_pipeline_survey(tables, &reading)?;
     warnings.extend(doubts(&options.trajectory, &chosen, places));
     warn_of_fraction(&options, gps_place, &mut warnings);
+    warn_of_unused_trajectories(&options, &read.survey, &mut warnings);
     options.has_own_flight = read.has_own_flight && !options.is_traced;
     if !read.is_of_survey {
         options.profile.profile.get_or_insert(PhysicsProfile::OF_PIPELINES);
@@ -249,6 +252,20 @@ fn choose_scanner(tables: &mut Tables, index: usize, file: &mut Options) -> Stri
 fn warn_of_fraction(options: &Options, place: Option<Place>, warnings: &mut Diagnostics) {
     if options.origin.gps_start.as_ref().is_some_and(GpsStart::has_fraction) {
         warnings.warn(place, "the fraction of a second of the GPS start is ignored, as in HELIOS++");
+    }
+}
+
+/// Warns of trajectories in memory that no leg names.
+fn warn_of_unused_trajectories(options: &Options, survey: &Survey, warnings: &mut Diagnostics) {
+    let files = match &survey.platform.kind {
+        PlatformKind::Interpolated(recorded) => recorded.files.as_slice(),
+        _ => &[],
+    };
+    for (name, _) in &options.named_trajectories {
+        if !files.iter().any(|file| file.content.is_some() && file.path == Path::new(name)) {
+            let message = format!("the trajectory `{name}` in memory is not used: no leg names it");
+            warnings.warn(None, message).help(format!("give legs the attribute trajectory=\"{name}\""));
+        }
     }
 }
 

@@ -70,6 +70,9 @@ pub struct Options {
     /// A scene in memory, which replaces that of the survey.
     #[arg(skip)]
     pub scene: Option<Arc<SceneRecipe>>,
+    /// Trajectories in memory by the names that legs in XML give as their files.
+    #[arg(skip)]
+    pub named_trajectories: Vec<(String, Arc<[u8]>)>,
     /// Outputs of a pipeline file, which those of the command line replace.
     #[arg(skip)]
     pub outputs: Vec<OutputKeys>,

@@ -45,6 +45,8 @@ pub enum ProblemKind {
     Exists,
     /// Input that needs more memory than the limit allows, or has more elements than can be numbered.
     TooLarge,
+    /// An index of something that the input does not have, such as a face of a mesh.
+    OutOfBounds,
     /// A file that ends before its content does.
     Truncated,
     /// Valid input with a feature that is not supported.

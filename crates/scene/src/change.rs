@@ -5,7 +5,7 @@ use super::grid_voxels::GridSurfaces;
 use super::library::DefinedBy;
 use super::text::printable;
 use std::collections::{BTreeMap, BTreeSet};
-use vlscan_base::diag::Place;
+use vlscan_base::diag::{Place, ProblemKind};
 use vlscan_survey::{Identity, MaterialChanges, MaterialDefinition, Replaced};
 
 /// The changes of the parts loaded so far: several parts can have the same, as those of one glTF file.
@@ -228,7 +228,8 @@ pub(super) fn apply(scene: &mut SceneBuilder, part: &PartSource, changes: &Mater
                             let message = format!(
                                 "a material is for face {i}, but the part has {count}, counted from 0"
                             );
-                            scene.diagnostics.error(part.place.cloned(), message);
+                            let problem = scene.diagnostics.error(part.place.cloned(), message);
+                            problem.of_kind(ProblemKind::OutOfBounds);
                         }
                         break;
                     };
@@ -255,6 +256,7 @@ mod tests {
     use crate::fixture::Fixture;
     use crate::library::Library;
     use crate::spectra::Spectra;
+    use vlscan_base::error::Error;
     use vlscan_survey::{MaterialChange, MaterialDefinition};
 
     #[test]
@@ -395,7 +397,9 @@ mod tests {
         }
         let material = MaterialDefinition::new("new");
         f.parts[0].changes = vec![MaterialChange { replaced: Replaced::Faces(vec![2, 4]), material }].into();
-        assert!(f.load().unwrap_err().to_string().contains("face 4, but the part has 4"));
+        let error = f.load().unwrap_err();
+        assert!(error.to_string().contains("face 4, but the part has 4"), "{error}");
+        assert!(matches!(error, Error::Input(problems) if problems.has(ProblemKind::OutOfBounds)));
     }
 
     #[test]

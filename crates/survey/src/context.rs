@@ -37,6 +37,9 @@ pub struct ReadOptions {
     pub scene: Option<SceneChoice>,
     /// Replaces the platform of the survey ([`super::Survey::follow`]) before the survey is checked.
     pub trajectory: Option<PoseStream>,
+    /// Trajectories in memory, each with the name that legs in XML give as its file: bytes of an Arrow stream
+    /// or of a file. They take precedence over files.
+    pub named_trajectories: Vec<(String, Arc<[u8]>)>,
     /// True if the pulses come from a stream: the survey then needs no legs, and its legs need not be
     /// flyable.
     pub is_traced: bool,
@@ -53,6 +56,7 @@ pub(super) struct Context {
     pub assets: Assets,
     /// Replaces the scene of the survey.
     pub scene: Option<SceneChoice>,
+    trajectories: Vec<(String, Arc<[u8]>)>,
     strict: bool,
     pub(super) max_memory: Option<u64>,
     pub(super) number_columns: Option<NumberColumns>,
@@ -67,6 +71,7 @@ impl Context {
         Context {
             assets: Assets::new(&options.assets),
             scene: options.scene.clone(),
+            trajectories: options.named_trajectories.clone(),
             strict: options.strict,
             max_memory: options.max_memory,
             number_columns: options.number_columns,
@@ -75,6 +80,11 @@ impl Context {
             failure: RefCell::default(),
             documents: RefCell::default(),
         }
+    }
+
+    /// The trajectory in memory with this name.
+    pub fn trajectory(&self, name: &str) -> Option<Arc<[u8]>> {
+        self.trajectories.iter().find(|(known, _)| known == name).map(|(_, content)| content.clone())
     }
 
     /// Adds earlier problems.

@@ -4,6 +4,8 @@ use super::context::Context;
 use super::fields::{Fields, Reading};
 use super::xml::Element;
 use super::{Interpolated, LegTrajectory, RotationSpec, TrajectoryFile};
+use std::path::PathBuf;
+use std::sync::Arc;
 
 /// Attributes of columns, in the order of their default numbers, and their contents.
 const COLUMNS: [(&str, &str); 7] = [
@@ -134,8 +136,12 @@ impl Trajectories {
             return None;
         };
         check_columns(context, leg, says);
-        let path = context.file(name, at.folder(), at.value_place("trajectory"))?;
-        let file = self.file(context, leg, says, path);
+        let content = context.trajectory(name);
+        let path = match content {
+            Some(_) => PathBuf::from(name),
+            None => context.file(name, at.folder(), at.value_place("trajectory"))?,
+        };
+        let file = self.file(context, leg, says, (path, content));
         Some(LegTrajectory { file, start: says.start, end: says.end, teleport: says.teleport })
     }
 
@@ -144,7 +150,7 @@ impl Trajectories {
         context: &Context,
         leg: &Element,
         says: &TrajectoryLayer,
-        path: std::path::PathBuf,
+        (path, content): (PathBuf, Option<Arc<[u8]>>),
     ) -> usize {
         let files = &mut self.platform.files;
         let Some(known) = files.iter().position(|f| f.path == path) else {
@@ -154,6 +160,7 @@ impl Trajectories {
             }
             files.push(TrajectoryFile {
                 path,
+                content,
                 columns: says.columns,
                 separator: says.separator,
                 slope_filter: says.slope_filter,

@@ -282,6 +282,7 @@ def test_messages_do_not_name_files_of_the_run():
     assert {warning.filename for warning in caught} == {__file__}
     text = "\n".join(str(warning.message) for warning in caught)
     assert tempfile.gettempdir() not in text and "radians" not in text
+    assert 'trajectory="&lt;trajectory&gt;"' in survey.to_xml()
     survey.add_leg(scan_angle="89 deg")
     with pytest.raises(helios.HeliosException, match="<survey>"):
         survey.run()

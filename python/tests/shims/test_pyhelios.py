@@ -101,6 +101,7 @@ def test_copies_of_the_playback_are_changed_and_run(tmp_path):
     pytest.importorskip("pydantic")
     first = simulation(tmp_path)
     twin = first.sim.copy()
+    assert first.sim is first.sim is not twin.sim and first.sim.getScene() is first.sim.getScene()
     assert twin.getNumLegs() == 2 and twin.getSurveyPath() == first.sim.getSurveyPath()
     for leg in range(twin.getNumLegs()):
         twin.getLeg(leg).getScannerSettings().pulseFreq /= 2

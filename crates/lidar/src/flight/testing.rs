@@ -63,7 +63,13 @@ pub fn recorded(first_yaw: f64, sync_gps_time: bool, legs: Vec<Leg>) -> (Survey,
         degrees: true,
         sync_gps_time,
         grid: ProjectionGrid::FirstFix,
-        files: vec![TrajectoryFile { path, columns: None, separator: None, slope_filter: 0.0 }],
+        files: vec![TrajectoryFile {
+            path,
+            content: None,
+            columns: None,
+            separator: None,
+            slope_filter: 0.0,
+        }],
     });
     (survey(kind, Mount::IDENTITY, Deflector::Fibres { count: 1 }, legs), dir)
 }

@@ -4,12 +4,13 @@ use super::attitude::FileAxes;
 use super::course::reported_angles;
 use super::header::StatedColumns;
 use super::interpolated::composed;
-use super::layout::{ANGLES, AttitudeColumns, POSE_COLUMNS, PoseColumn, PoseLayout};
+use super::layout::{ANGLES, AttitudeColumns, POSE_COLUMNS, PoseColumn, PoseLayout, SCHEMA};
 use super::layout_error::PoseLayoutError;
 use super::poses::decoder::read_binary;
 use super::poses::fix::{Fix, FixPlace, Pose, RecordError};
 use super::poses::georeference::Georeference;
 use super::table::{PoseValues, TrajectoryTable, filter_slopes, unwrap_angles};
+use std::borrow::Cow;
 use std::path::Path;
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::{Error, Result};
@@ -39,7 +40,13 @@ pub fn read_trajectories(
     let mut usable = true;
     let mut georeference = Georeference::of_grid(settings.grid);
     for (i, file) in settings.files.iter().enumerate() {
-        let bytes = input::read_file(&file.path, MAX_FILE_BYTES).map_err(|e| Error::open(&file.path, e))?;
+        let bytes = match &file.content {
+            Some(content) => Cow::Borrowed(&content[..]),
+            None => {
+                let read = input::read_file(&file.path, MAX_FILE_BYTES);
+                Cow::Owned(read.map_err(|e| Error::open(&file.path, e))?)
+            }
+        };
         let threshold = if i == 0 { file.slope_filter } else { 0.0 };
         match read_file(file, &bytes, settings, &mut georeference, threshold, problems) {
             Some(rows) => {
@@ -278,10 +285,14 @@ fn find_layout(
         }
         Err(error) => {
             let place = stated.words.clone().or(stated.header_place()).or(place());
-            problems.error(place, error.to_string()).because_of(error).help(
-                "give tIndex, xIndex … in the survey or a line `#HEADER: \"t\", \"roll\", \"pitch\", \
-                 \"yaw\", \"x\", \"y\", \"z\"` in the file",
-            );
+            let help = match file.content {
+                Some(_) => SCHEMA.help,
+                None => {
+                    "give tIndex, xIndex … in the survey or a line `#HEADER: \"t\", \"roll\", \"pitch\", \
+                     \"yaw\", \"x\", \"y\", \"z\"` in the file"
+                }
+            };
+            problems.error(place, error.to_string()).because_of(error).help(help);
             None
         }
     }
@@ -344,7 +355,13 @@ mod tests {
     use std::path::PathBuf;
 
     fn file() -> TrajectoryFile {
-        TrajectoryFile { path: PathBuf::from("f.txt"), columns: None, separator: None, slope_filter: 0.0 }
+        TrajectoryFile {
+            path: PathBuf::from("f.txt"),
+            content: None,
+            columns: None,
+            separator: None,
+            slope_filter: 0.0,
+        }
     }
 
     fn rows(file: &TrajectoryFile, text: &str) -> Result<Vec<(f64, PoseValues)>, String> {
@@ -399,6 +416,31 @@ mod tests {
             let table = read_trajectories(&settings, &mut Diagnostics::default()).unwrap().unwrap();
             assert!((table.rows()[0].values[0] - expected).abs() < 1e-12);
         }
+    }
+
+    #[test]
+    fn a_trajectory_in_memory_is_read_like_a_file() {
+        let text = "time,x,y,z,roll,pitch,yaw\n0,1,2,3,0.5,0,0\n1,4,5,6,0.5,0,0\n";
+        let path = PathBuf::from("<poses>");
+        let settings = |content: &str| Interpolated {
+            rotation_spec: RotationSpec::Canonical,
+            position_only: false,
+            degrees: false,
+            sync_gps_time: false,
+            files: vec![TrajectoryFile {
+                path: path.clone(),
+                content: Some(content.as_bytes().into()),
+                ..file()
+            }],
+            grid: vlscan_survey::ProjectionGrid::FirstFix,
+        };
+        let table = read_trajectories(&settings(text), &mut Diagnostics::default()).unwrap().unwrap();
+        assert_eq!(table.rows()[1].values, [0.5, 0.0, 0.0, 4.0, 5.0, 6.0]);
+        let mut problems = Diagnostics::default();
+        let wrong = text.replace(",roll", ",rol");
+        assert!(read_trajectories(&settings(&wrong), &mut problems).unwrap().is_none());
+        let report = problems.text();
+        assert!(report.contains("<poses>") && !report.contains("tIndex"), "{report}");
     }
 
     proptest::proptest! {

@@ -274,7 +274,10 @@ impl Session {
     pub fn inputs(&self) -> impl Iterator<Item = PathBuf> {
         let Survey { path, scene, platform, .. } = &self.settings.survey;
         let poses: Vec<&PathBuf> = match &platform.kind {
-            PlatformKind::Interpolated(recorded) => recorded.files.iter().map(|file| &file.path).collect(),
+            PlatformKind::Interpolated(recorded) => {
+                let files = recorded.files.iter().filter(|file| file.content.is_none());
+                files.map(|file| &file.path).collect()
+            }
             PlatformKind::Stream(stream) => vec![&stream.path],
             _ => Vec::new(),
         };

@@ -22,7 +22,7 @@ use vlscan_base::files::NewFolder;
 use vlscan_base::store::Checksum;
 use vlscan_lidar::flight::{FlightPlan, FlightState};
 use vlscan_lidar::platform::PoseReader;
-use vlscan_survey::{PlatformKind, Survey};
+use vlscan_survey::{PlatformKind, Survey, TrajectoryFile};
 use vlscan_warehouse::Stop;
 
 /// A flight that can be divided.
@@ -364,16 +364,23 @@ fn fingerprint(settings: &Settings, scene: u64, plan: &FlightPlan) -> Result<Fin
 /// Checksum of everything in a survey but its scene and the names of files.
 fn survey_sum(survey: &Survey) -> Result<u64> {
     let mut sum = Checksum::default();
-    let mut add_file = |path: &mut PathBuf| {
+    let mut add_file = |path: &mut PathBuf, content: Option<Arc<[u8]>>| {
         let path = std::mem::take(path);
-        sum.file(&path).map_err(|e| Error::io("read", path, e))
+        match content {
+            Some(bytes) => {
+                sum.bytes(&bytes);
+                Ok(())
+            }
+            None => sum.file(&path).map_err(|e| Error::io("read", path, e)),
+        }
     };
     let mut kind = survey.platform.kind.clone();
     match &mut kind {
         PlatformKind::Interpolated(table) => {
-            table.files.iter_mut().try_for_each(|file| add_file(&mut file.path))?
+            let add = |file: &mut TrajectoryFile| add_file(&mut file.path, file.content.take());
+            table.files.iter_mut().try_for_each(add)?;
         }
-        PlatformKind::Stream(stream) => add_file(&mut stream.path)?,
+        PlatformKind::Stream(stream) => add_file(&mut stream.path, None)?,
         PlatformKind::Static
         | PlatformKind::LinearPath
         | PlatformKind::GroundVehicle { .. }

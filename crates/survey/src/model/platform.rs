@@ -2,6 +2,7 @@
 
 use super::poses::{PoseStream, ProjectionGrid};
 use std::path::PathBuf;
+use std::sync::Arc;
 use vlscan_geom::{DVec3, Rotation};
 
 /// Position and attitude of one frame within another.
@@ -135,6 +136,8 @@ pub struct Interpolated {
 pub struct TrajectoryFile {
     /// Path of the file.
     pub path: PathBuf,
+    /// The bytes of a trajectory in memory; `path` is then its name in messages.
+    pub content: Option<Arc<[u8]>>,
     /// Zero-based columns of t, roll, pitch, yaw, x, y, z. `None`: by the file's header or in the default
     /// order.
     pub columns: Option<[usize; 7]>,

@@ -399,6 +399,30 @@ fn contradicting_trajectory_settings() {
 }
 
 #[test]
+fn legs_name_trajectories_in_memory() {
+    let settings = "<scannerSettings scanFreq_hz='50'/></leg>";
+    let legs = format!(
+        "<leg><platformSettings trajectory='&lt;poses&gt;'/>{settings}
+         <leg><platformSettings trajectory='f.csv'/>{settings}"
+    );
+    let text = document("", FLIGHT, &legs);
+    let files = [("survey.xml", text.as_str()), ("a.obj", ""), ("f.csv", "")];
+    let poses: std::sync::Arc<[u8]> = (*b"poses").into();
+    let options =
+        ReadOptions { named_trajectories: vec![("<poses>".to_owned(), poses)], ..ReadOptions::default() };
+    let (survey, _) = Folder::new(&files).read(&options).unwrap_or_else(|e| panic!("{}", report(&e)));
+    let PlatformKind::Interpolated(flight) = &survey.platform.kind else { panic!("not interpolated") };
+    let [memory, file] = &flight.files[..] else { panic!("{} files", flight.files.len()) };
+    assert_eq!(
+        (memory.path.as_path(), memory.content.as_deref()),
+        (Path::new("<poses>"), Some(&b"poses"[..]))
+    );
+    assert!(file.path.ends_with("f.csv") && file.content.is_none());
+    let missing = Folder::new(&files).read(&ReadOptions::default());
+    contains(&refused(missing), &["cannot find the file `<poses>`"]);
+}
+
+#[test]
 fn a_stream_replaces_platform_and_legs() {
     // on a tripod such a leg would never end; the first leg is inactive
     let legs = "<leg><platformSettings/><scannerSettings active='0' scanFreq_hz='5'/></leg>

@@ -59,6 +59,7 @@ class Simulation:
         self._recipe = recipe
         self._model: Model | None = None
         self._as_read: tuple[Leg, ...] = ()
+        self._playback: Playback | None = None
         self._thread: threading.Thread | None = None
         self._batches: Batches | None = None
         self._done, self._is_stopped, self._resumed = threading.Event(), threading.Event(), threading.Event()
@@ -72,11 +73,12 @@ class Simulation:
     @property
     def sim(self) -> Playback:
         """The survey with its legs, scanner and platform, which can be changed before the start."""
-        from .views import Playback
+        if self._playback is None:
+            from .views import Playback
 
-        playback = Playback(self._read(), lambda: self._thread is not None, self._recipe.survey, self._as_read)
-        playback.simulation = self
-        return playback
+            self._playback = Playback(self._read(), lambda: self._thread is not None, self._recipe.survey, self._as_read)
+            self._playback.simulation = self
+        return self._playback
 
     if not TYPE_CHECKING:
 
@@ -129,12 +131,10 @@ class Simulation:
             if self._model is None:
                 self._measure(Survey.open(place_of(self._recipe.survey, self._recipe.folder)), self._recipe.options)
                 return
-            from vlscan_helios.v3.survey_xml import trajectory_folder
-
-            with trajectory_folder(self._model.platform) as folder, self._assets():
+            with self._assets():
                 beside = [path for path in ("assets", os.path.dirname(self._recipe.survey)) if path]
                 options = {**self._recipe.options, "assets": [*self._recipe.options.get("assets", ()), *beside]}
-                self._measure(self._model.engine(folder), options)
+                self._measure(self._model.engine(), options)
         except BaseException as failure:
             self._failure = failure
         finally:

@@ -7,7 +7,6 @@ import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
-from pathlib import Path
 
 from vlscan import Error, FileError, InputError, Problem, VlscanWarning
 
@@ -33,28 +32,22 @@ _IN_FILE = re.compile(r"\.xml:\d")
 
 
 class _Names:
-    """Names in messages for objects in memory: a survey with its settings, and the trajectory that a run writes.
+    """Names in messages of a survey in memory and of its settings.
 
     Parameters
     ----------
-    folder : pathlib.Path, optional
-        The folder of the trajectory.
     fields : mapping, optional
         Fields of settings by the attributes of XML that stand for them.
     """
 
-    def __init__(self, folder: Path | None, fields: Mapping[str, str] | None = None) -> None:
+    def __init__(self, fields: Mapping[str, str] | None = None) -> None:
         self._fields = fields or {}
         # Quoted lines of XML keep their attributes, which a value follows.
         self._attribute = re.compile(rf"\b(?:{'|'.join(map(re.escape, self._fields))})\b(?!=)") if fields else None
-        self._names = {"<python>": "<survey>"}
-        if folder is not None:
-            self._names[str(folder / "trajectory.csv")] = "<trajectory>"
 
     def of_text(self, text: str) -> str:
         """Return a text with these names."""
-        for path, name in self._names.items():
-            text = text.replace(path, name)
+        text = text.replace("<python>", "<survey>")
         if self._attribute is None or _IN_FILE.search(text):
             return text
         return self._attribute.sub(lambda found: self._fields[found.group()], text)
@@ -67,12 +60,12 @@ class _Names:
 
 
 @contextmanager
-def engine_errors(folder: Path | None = None, fields: Mapping[str, str] | None = None) -> Iterator[None]:
-    """Raise errors of the engine as :class:`HeliosException`; messages do not name the trajectory in ``folder``, if there is one.
+def engine_errors(fields: Mapping[str, str] | None = None) -> Iterator[None]:
+    """Raise errors of the engine as :class:`HeliosException`.
 
-    They name ``fields`` instead of the attributes of XML that these are values of.
+    Messages name ``fields`` instead of the attributes of XML that these are values of.
     """
-    names = _Names(folder, fields)
+    names = _Names(fields)
     try:
         yield
     except HeliosException:
@@ -92,9 +85,9 @@ _shown: dict[str | tuple[str, type[Warning], int], int] = {}
 
 
 @contextmanager
-def engine_warnings(folder: Path | None, is_silent: bool, fields: Mapping[str, str] | None = None) -> Iterator[None]:
+def engine_warnings(is_silent: bool, fields: Mapping[str, str] | None = None) -> Iterator[None]:
     """Issue the warnings of a run at its end, none if it is silent; messages have the names of :func:`engine_errors`."""
-    names = _Names(folder, fields)
+    names = _Names(fields)
     caught: list[warnings.WarningMessage] = []
     try:
         with warnings.catch_warnings(record=True) as found:

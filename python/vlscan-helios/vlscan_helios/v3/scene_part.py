@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import ConfigDict, NonNegativeFloat, NonNegativeInt, PositiveFloat, PositiveInt, PrivateAttr, validate_call
 from typing_extensions import Self
 
+from vlscan import InputError
 from vlscan.parts import Part
 from vlscan.scene import Scene, SceneGeometry
 
@@ -693,7 +694,8 @@ class ScenePart(Model):
                 warnings.simplefilter("ignore")
                 _ = self.bbox
         except HeliosException as error:
-            if "is for face" not in str(error):
+            problems = error.problems if isinstance(error, InputError) else []
+            if all(problem.kind != "out_of_bounds" for problem in problems):
                 return
             self._updates.pop()
             raise _FaceIndexError(str(error).removeprefix("error: ")) from None

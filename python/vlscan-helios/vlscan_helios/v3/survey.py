@@ -36,7 +36,6 @@ from .settings import (
     compose_execution_settings,
     compose_output_settings,
 )
-from .survey_xml import trajectory_folder
 from .utils import classonlymethod, engine_directories, is_real_iterable, rng_seed
 from .validation import SEVERAL, Model, distribute
 from .xml_files import Document
@@ -250,12 +249,8 @@ class Survey(Model):
         # Messages about the survey of a file name what the file has.
         fields = None if self._document is not None and self._is_as_read() else survey_xml.FIELDS
         try:
-            with (
-                trajectory_folder(self.platform) as folder,
-                engine_warnings(folder, is_silent, fields),
-                engine_errors(folder, fields),
-            ):
-                run = _Run(self, self.engine(folder), self._options(execution, output), output)
+            with engine_warnings(is_silent, fields), engine_errors(fields):
+                run = _Run(self, self.engine(), self._options(execution, output), output)
                 return run.with_hooks([*hooks, *bar_hooks]) if hooks or bar_hooks else run.plain()
         finally:
             if bars is not None:
@@ -280,13 +275,8 @@ class Survey(Model):
                 names = ", ".join(sorted(changed))
                 raise ValueError(f"a leg has {names}, but the platform has no trajectory; Platform.load_interpolate_platform() makes one")
 
-    def to_xml(self, folder: Path | None = None) -> str:
-        """Return the survey as XML, that of its file if it was not changed.
-
-        Parameters
-        ----------
-        folder : pathlib.Path, optional
-            Where a trajectory is written to.
+    def to_xml(self) -> str:
+        """Return the survey as XML, that of its file if it was not changed. Scenes and trajectories of arrays are only named.
 
         Returns
         -------
@@ -296,7 +286,7 @@ class Survey(Model):
         if self._document is not None and self._is_as_read():
             path = place_of(os.fspath(self._document.path), self._folder)
             return Path(path).read_text(encoding="utf-8", errors="replace")
-        return survey_xml.text_of(survey_xml.write(self, folder))
+        return survey_xml.text_of(survey_xml.write(self))
 
     @property
     def trajectory(self) -> NDArray[np.void] | None:
@@ -329,13 +319,8 @@ class Survey(Model):
         """Whether waveform settings were given."""
         return "full_waveform_settings" in self.model_fields_set
 
-    def engine(self, folder: Path | None = None) -> EngineSurvey:
+    def engine(self) -> EngineSurvey:
         """Return the survey for the engine: its file, or one in memory.
-
-        Parameters
-        ----------
-        folder : pathlib.Path, optional
-            Where a trajectory is written to, see :func:`trajectory_folder`; it exists as long as the survey is used.
 
         Returns
         -------
@@ -345,13 +330,15 @@ class Survey(Model):
         old = self._as_read
         is_scene_of_file = old is not None and self.scene.source_file == old.scene.source_file and self.scene.is_as_read
         scene = None if is_scene_of_file else self.scene.engine()
+        poses = self.platform.trajectory
+        trajectories = {} if poses is None else {survey_xml.TRAJECTORY: poses}
         if self._document is None:
-            return EngineSurvey.from_document(self.to_xml(folder), scene)
+            return EngineSurvey.from_document(self.to_xml(), scene, trajectories=trajectories)
         path = place_of(os.fspath(self._document.path), self._folder)
         if self._is_as_read():
             return EngineSurvey.open(path, scene)
         # Lines of messages are those of the XML as it is now.
-        return EngineSurvey.from_document(self.to_xml(folder), scene, f"{path} (as changed)")
+        return EngineSurvey.from_document(self.to_xml(), scene, f"{path} (as changed)", trajectories=trajectories)
 
     def _options(self, execution: ExecutionSettings, output: OutputSettings) -> RunOptions:
         given = execution.model_fields_set

@@ -8,15 +8,11 @@ element, and only values that were changed are written over it. Surveys made her
 from __future__ import annotations
 
 import math
-import tempfile
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping
 from copy import deepcopy
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from xml.etree.ElementTree import Element, ElementTree, SubElement, indent, tostring
-
-import numpy as np
 
 from vlscan import Error, scanner_figures
 from vlscan import Leg as EngineLeg
@@ -75,6 +71,8 @@ _ATTRIBUTES = {name: values[0] for name, values in (_SCANNER | _PLACE | _TRAJECT
 _ATTRIBUTES |= {name: values[0] for name, values in _WAVEFORM.items()}
 #: Settings by the attributes that stand for them, those whose names are not words.
 FIELDS = {attribute: name for name, attribute in _ATTRIBUTES.items() if attribute != attribute.lower()}
+#: Name of the poses in memory in XML.
+TRAJECTORY = "<trajectory>"
 _FOLLOWED = ("trajectory", "syncGPSTime", "interpolationDomain", "toRadians", "slopeFilterThreshold", "trajectory_seperator")
 _INDICES = [f"{name}Index" for name in traj_csv_dtype.names or ()]
 
@@ -190,18 +188,8 @@ def _has_prisms(reference: str) -> bool:
 # --- writing ---
 
 
-@contextmanager
-def trajectory_folder(platform: Platform) -> Iterator[Path | None]:
-    """Yield the folder for the poses that a platform has in memory; ``None`` for a platform without, which needs none."""
-    if platform.trajectory is None:
-        yield None
-        return
-    with tempfile.TemporaryDirectory() as folder:
-        yield Path(folder)
-
-
-def write(survey: Survey, folder: Path | None) -> Element:
-    """Return the document of a survey that is not that of a file, or was changed; a trajectory is written to ``folder``."""
+def write(survey: Survey) -> Element:
+    """Return the document of a survey that is not that of a file, or was changed; poses in memory are named :data:`TRAJECTORY`."""
     document = survey.document
     if document is None:
         root = Element("document")
@@ -215,7 +203,6 @@ def write(survey: Survey, folder: Path | None) -> Element:
         element.set("scanner", survey.scanner.reference)
     _write_platform(element, survey.platform)
     _write_waveform(element, survey)
-    trajectory = _write_trajectory(survey.platform, folder)
     has_default = any("scan_frequency" not in leg.scanner_settings.model_fields_set for leg in survey.legs)
     has_prisms = has_default and _has_prisms(survey.scanner.reference)
     known = {id(original): copied for original, copied in zip(_legs_of(document), element.findall("leg"), strict=True)}
@@ -226,7 +213,7 @@ def write(survey: Survey, folder: Path | None) -> Element:
         copied = Element("leg") if source is None else deepcopy(known[id(source.element)])
         element.append(copied)
         _write_leg(copied, leg, None if source is None else source.as_read, has_prisms)
-        _write_followed(copied, leg, survey.platform, trajectory, known.values())
+        _write_followed(copied, survey.platform, known.values())
     return root
 
 
@@ -263,18 +250,6 @@ def _write_waveform(element: Element, survey: Survey) -> None:
     values = {key: _text(getattr(settings, name) * unit) for name, (key, unit) in _WAVEFORM.items()}
     values["beamSampleQuality"] = str(settings.beam_sample_quality)
     element.insert(0, Element("FWFSettings", values))
-
-
-def _write_trajectory(platform: Platform, folder: Path | None) -> str | None:
-    """Write the poses that a platform has in memory; the name of the file."""
-    poses = platform.trajectory
-    if poses is None:
-        return None
-    path = (folder or Path()) / "trajectory.csv"
-    if folder is not None:
-        names = poses.dtype.names or ()
-        np.savetxt(path, np.column_stack([poses[name] for name in names]), delimiter=",", fmt="%.17g")
-    return str(path)
 
 
 def _write_leg(element: Element, leg: Leg, as_read: Leg | None, has_prisms: bool) -> None:
@@ -328,7 +303,7 @@ def _write_settings(element: Element, table: Mapping[str, tuple[str, float, floa
             element.set(key, _text(value * unit))
 
 
-def _write_followed(leg: Element, settings: Leg, platform: Platform, trajectory: str | None, legs: Iterable[Element]) -> None:
+def _write_followed(leg: Element, platform: Platform, legs: Iterable[Element]) -> None:
     """Let a leg follow recorded poses, or none."""
     place = _child(leg, "platformSettings")
     if platform.follows_file:
@@ -338,16 +313,17 @@ def _write_followed(leg: Element, settings: Leg, platform: Platform, trajectory:
         return
     for name in (*_FOLLOWED, *_INDICES):
         place.attrib.pop(name, None)
-    if trajectory is None:
+    if platform.trajectory is None:
         for key, _, _ in _TRAJECTORY.values():
             place.attrib.pop(key, None)
         return
     for name in ("x", "y", "z", "movePerSec_m", "onGround"):
         # Poses are those of the trajectory.
         place.attrib.pop(name, None)
-    place.set("trajectory", trajectory)
+    place.set("trajectory", TRAJECTORY)
     # Angles are radians already.
     place.set("toRadians", "false")
+    # Instead of those of a template.
     place.attrib.update({name: str(index) for index, name in enumerate(_INDICES)})
     if platform.sync_gps_time:
         place.set("syncGPSTime", "true")

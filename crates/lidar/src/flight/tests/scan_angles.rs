@@ -74,7 +74,13 @@ fn recorded_nadir(roll: f64, heading: f64, speed: f64) -> f64 {
         degrees: true,
         sync_gps_time: false,
         grid: ProjectionGrid::FirstFix,
-        files: vec![TrajectoryFile { path, columns: None, separator: None, slope_filter: 0.0 }],
+        files: vec![TrajectoryFile {
+            path,
+            content: None,
+            columns: None,
+            separator: None,
+            slope_filter: 0.0,
+        }],
     });
     let s = survey(kind, looking_down(0.0), straight(), vec![recorded_leg(0.0, 1.0, false)]);
     degrees(fly_as(&s, RECORDED)[0].pulses[3].scan_angle)
