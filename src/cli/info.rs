@@ -42,17 +42,13 @@ pub fn run(args: &InfoArgs, console: &Console) -> Result<()> {
     let (scene, found) = during(console, "loading the scene", || vlscan_scene::load(&recipe, &options))?;
     warnings.extend(found);
     let loaded = started.elapsed().as_secs_f64();
+    // Before the tree: duplicates are found by 8 bytes for each triangle.
+    let (inventory, parts) = (Inventory::of(&scene), PartFacts::of_scene(&scene));
     let started = Instant::now();
     let tree = during(console, "building the tree", || scene.tree(&build));
     let built = started.elapsed().as_secs_f64();
-    let facts = Facts {
-        scene: &scene,
-        tree: &tree,
-        inventory: Inventory::of(&scene),
-        parts: PartFacts::of_scene(&scene),
-        warnings: &warnings,
-        seconds: [loaded, built],
-    };
+    let facts =
+        Facts { scene: &scene, tree: &tree, inventory, parts, warnings: &warnings, seconds: [loaded, built] };
     // JSON holds them.
     match args.json {
         true => warnings.clone().finish(console.is_strict()).map(drop)?,
@@ -96,8 +92,8 @@ pub(super) fn options(recipe: &SceneRecipe, scanning: &Scanning, verify: bool) -
 /// [`Error::Input`] when the tree over the scene would exceed the memory limit.
 pub fn scene_json(loaded: &LoadedScene) -> Result<String> {
     let (scene, warnings) = (loaded.scene(), Diagnostics::default());
-    let tree = loaded.tree(&|_| ())?;
     let (inventory, parts) = (Inventory::of(scene), PartFacts::of_scene(scene));
+    let tree = loaded.tree(&|_| ())?;
     Facts { scene, tree, inventory, parts, warnings: &warnings, seconds: [0.0; 2] }.json()
 }
 

@@ -1,6 +1,5 @@
 //! The tree: its components and its construction.
 
-use super::Instances;
 use super::block::{BLOCK_SIZE, Block};
 use super::build::{Prim, build_kd, build_wide, collect, frame_of};
 use super::frame::Frame;
@@ -8,8 +7,10 @@ use super::geometry::Geometry;
 use super::heights::FieldBoxes;
 use super::node::{KdNode, WideNode};
 use super::options::{BuildOptions, Builder, Statistics};
+use super::{Hits, Instances};
 use crate::memory::vec_bytes;
 use rayon::prelude::*;
+use std::ops::Range;
 use std::sync::Arc;
 use vlscan_geom::Aabb;
 
@@ -42,6 +43,8 @@ pub(super) struct InstanceTree {
 /// Minimum number of primitives for a build by several threads: one thread builds fewer before others are
 /// awake.
 const MIN_SHARED_PRIMITIVES: usize = 1024;
+/// Number of blocks that are made before the numbers of their primitives are released.
+const RELEASED_BLOCKS: usize = if cfg!(test) { 3 } else { 1 << 16 };
 
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Nodes {
@@ -101,7 +104,7 @@ impl Tree {
     /// occupies less.
     pub fn estimate_build_memory(triangles: u64, builder: Builder) -> u64 {
         let each = match builder {
-            Builder::Bvh => 85,
+            Builder::Bvh => 75,
             // Kd-trees store a triangle in several leaves. Measured in forests; terrain takes less.
             Builder::Fsah => 250,
             Builder::AxisSah => 270,
@@ -143,7 +146,7 @@ fn over_boxes(boxes: &[Aabb], options: &BuildOptions) -> Tree {
     let is_sound = |b: &Aabb| b.min.is_finite() && b.max.is_finite() && !b.is_empty();
     let all = boxes.iter().filter(|b| is_sound(b)).fold(Aabb::EMPTY, |all, b| all.union(*b));
     let frame = Frame::around(&all);
-    let prims: Vec<Prim> = (0..)
+    let mut prims: Vec<Prim> = (0..)
         .zip(boxes)
         .filter(|(_, b)| is_sound(b))
         .map(|(id, b)| {
@@ -151,34 +154,63 @@ fn over_boxes(boxes: &[Aabb], options: &BuildOptions) -> Tree {
             Prim { lo, id, hi }
         })
         .collect();
-    let (arena, statistics) = build_wide(0, &frame, prims, options);
-    let block = |ids| Block::of_boxes(ids, |id| frame.local_box(&boxes[id as usize]));
-    let blocks: Vec<Block> = arena.slots.chunks(BLOCK_SIZE).map(block).collect();
+    let (tree, statistics) = build_wide(0, &frame, &mut prims, options);
+    let block = |ids: &[u32]| Block::of_boxes(ids, |id| frame.local_box(&boxes[id as usize]));
+    let blocks = blocks_in_order(prims, &tree.sizes, block);
     let (lo, hi) = frame.local_box(&all);
-    Tree::of(frame, [lo, hi], Nodes::Wide(arena.nodes), (blocks, FieldBoxes::default()), statistics)
+    Tree::of(frame, [lo, hi], Nodes::Wide(tree.nodes), (blocks, FieldBoxes::default()), statistics)
+}
+
+/// Blocks of these sizes, which divide the primitives in their order. Primitives are reduced to their numbers
+/// before, and the numbers are released while blocks are made, which are the largest part of a tree.
+fn blocks_in_order(
+    prims: Vec<Prim>,
+    sizes: &[u8],
+    block: impl Fn(&[u32]) -> Block + Sync + Send,
+) -> Vec<Block> {
+    // From the last to the first, since a vector is released from its end.
+    let mut ids: Vec<u32> = prims.par_iter().rev().map(|p| p.id).collect();
+    drop(prims);
+    let mut blocks = Vec::with_capacity(sizes.len());
+    for sizes in sizes.chunks(RELEASED_BLOCKS) {
+        let mut end = ids.len();
+        let of_size = |size: &u8| {
+            let own = end - usize::from(*size)..end;
+            end = own.start;
+            own
+        };
+        let ranges: Vec<Range<usize>> = sizes.iter().map(of_size).collect();
+        let of_range = |range: &Range<usize>| {
+            let mut of_block = [Hits::MISS; BLOCK_SIZE];
+            of_block.iter_mut().zip(ids[range.clone()].iter().rev()).for_each(|(lane, id)| *lane = *id);
+            block(&of_block)
+        };
+        blocks.par_extend(ranges.par_iter().with_min_len(MIN_SHARED_PRIMITIVES / BLOCK_SIZE).map(of_range));
+        ids.truncate(end);
+        ids.shrink_to_fit();
+    }
+    blocks
 }
 
 fn build(geometry: &Geometry, options: &BuildOptions, keep: impl Fn(u32) -> bool + Sync) -> Tree {
     let frame = frame_of(geometry);
-    let prims = collect(geometry, &frame, keep);
+    let mut prims = collect(geometry, &frame, keep);
     let bounds = prims.iter().fold([[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]], |[lo, hi], p| {
         [[0, 1, 2].map(|a| lo[a].min(p.lo[a])), [0, 1, 2].map(|a| hi[a].max(p.hi[a]))]
     });
-    let (nodes, slots, statistics) = match options.builder {
+    let block = |ids: &[u32]| Block::of(geometry, &frame, ids);
+    let (nodes, blocks, statistics) = match options.builder {
         Builder::Bvh => {
-            let (arena, statistics) = build_wide(geometry.triangle_count(), &frame, prims, options);
-            (Nodes::Wide(arena.nodes), arena.slots, statistics)
+            let (tree, statistics) = build_wide(geometry.triangle_count(), &frame, &mut prims, options);
+            (Nodes::Wide(tree.nodes), blocks_in_order(prims, &tree.sizes, block), statistics)
         }
         _ => {
             let (arena, statistics) = build_kd(geometry, frame, prims, options);
-            (Nodes::Kd(arena.nodes), arena.slots, statistics)
+            let slots = arena.slots.par_chunks(BLOCK_SIZE);
+            let blocks = slots.with_min_len(MIN_SHARED_PRIMITIVES / BLOCK_SIZE).map(block).collect();
+            (Nodes::Kd(arena.nodes), blocks, statistics)
         }
     };
-    let blocks: Vec<Block> = slots
-        .par_chunks(BLOCK_SIZE)
-        .with_min_len(MIN_SHARED_PRIMITIVES / BLOCK_SIZE)
-        .map(|ids| Block::of(geometry, &frame, ids))
-        .collect();
     let fields = FieldBoxes::over(&geometry.fields, &frame);
     Tree::of(frame, bounds, nodes, (blocks, fields), statistics)
 }

@@ -3,7 +3,7 @@
 use super::cost::{CostAccount, Proposal, Sums};
 use super::prim::Prim;
 use super::split::{Cell, Search, Split, count, partition};
-use super::{Arena, KdArena, MIN_TEAM_PRIMITIVES};
+use super::{KdArena, MIN_TEAM_PRIMITIVES};
 use crate::Geometry;
 use crate::block::{BLOCK_SIZE, append_leaf};
 use crate::frame::Frame;
@@ -37,7 +37,7 @@ pub(crate) fn build_kd(
         },
         geometry_jobs,
     };
-    let mut arena = Arena { nodes: vec![KdNode::leaf(0, 0)], slots: Vec::new() };
+    let mut arena = KdArena { nodes: vec![KdNode::leaf(0, 0)], slots: Vec::new() };
     let sums = build.build_node(prims, root, Position::ROOT, &mut arena, 0);
     let square_metres = root.area / frame.scale / frame.scale;
     let mut statistics = sums.statistics(options, count, root.area, square_metres);
@@ -144,7 +144,7 @@ impl Build<'_> {
     /// Builds a node and its descendants in a separate arena. After [`attach`] its nodes have the numbers
     /// that they would have had in the common arena.
     fn build_detached(&self, prims: Vec<Prim>, cell: Cell, position: Position) -> (KdArena, Sums) {
-        let mut arena = Arena { nodes: vec![KdNode::leaf(0, 0)], slots: Vec::new() };
+        let mut arena = KdArena { nodes: vec![KdNode::leaf(0, 0)], slots: Vec::new() };
         let sums = self.build_node(prims, cell, position, &mut arena, 0);
         (arena, sums)
     }

@@ -61,15 +61,13 @@ fn pieces(threads: usize, prims: &[Prim]) -> rayon::slice::Chunks<'_, Prim> {
     prims.par_chunks(prims.len().div_ceil(threads.max(1)).max(1))
 }
 
-/// A tree under construction: nodes, and the primitives of its leaves in complete blocks.
+/// A kd-tree under construction: nodes, and the primitives of its leaves in complete blocks.
 #[derive(Debug, Default, PartialEq)]
-pub(crate) struct Arena<N> {
-    pub nodes: Vec<N>,
+pub(crate) struct KdArena {
+    pub nodes: Vec<KdNode>,
     /// Primitive numbers by block and lane.
     pub slots: Vec<u32>,
 }
-
-pub(crate) type KdArena = Arena<KdNode>;
 
 #[cfg(test)]
 mod tests {

@@ -126,7 +126,8 @@ pub(super) fn is_gltf(path: &Path) -> bool {
     let is_one = |source: &Source| {
         Format::of(path, source.bytes()) == Format::Gltf && foreign_format(source).is_none()
     };
-    Source::open(path).is_ok_and(|source| is_one(&source))
+    // Of a large file, only the pages that are looked at are read.
+    Source::open_within(path, Some(0)).is_ok_and(|source| is_one(&source))
 }
 
 /// The meshes of a document that have been read.
