@@ -124,6 +124,40 @@ fn a_roof_hides_the_ground_behind_it() {
 }
 
 #[test]
+fn sampled_flights_have_the_densities_of_the_formulas() {
+    let dir = folder();
+    // From y = 20 to 40 and 20 m high: its shadow lies from 25 to 50.
+    write(dir.path(), &[rectangle("roof", [-60.0, 20.0], [60.0, 40.0], 20.0)], &[0.0]);
+    // 1.6 million pulses in lines of 4000, of which one in a few is measured.
+    let rates = [
+        ("pulse_freqs_hz = [10000]", "pulse_freqs_hz = [400000]"),
+        ("pulse_freq_hz = 10000", "pulse_freq_hz = 400000"),
+        ("scan_freq_hz = 20\n", "scan_freq_hz = 100\n"),
+    ];
+    let text = rates.iter().fold(pipeline(&[0.0]), |text, (from, to)| text.replace(from, to));
+    fs::write(dir.path().join("p.toml"), text).unwrap();
+    let map =
+        session(dir.path()).coverage(10.0, RunContext::new(&Progress::default(), &Stop::new())).unwrap();
+    assert!((250_000..600_000).contains(&map.sampled_pulses), "{}", map.sampled_pulses);
+    let density = |share: f64| 16_000.0 * share / 10.0;
+    let roof = ((40.0f64 / 80.0).atan() - (30.0f64 / 80.0).atan()) / FIELD;
+    let cells = [(-50.0, share(-50.0)), (-30.0, share(-30.0)), (0.0, share(0.0)), (30.0, roof)];
+    for (y, share) in cells {
+        for band in [CoverageBand::PulseDensity, CoverageBand::PointDensity] {
+            let (found, expected) = (mean(&map, band, y), density(share));
+            assert!((found / expected - 1.0).abs() < 0.005, "{band:?} at {y}: {found}, expected {expected}");
+        }
+    }
+    // The edges of roof and shadow are found between measured pulses.
+    let shadow = mean(&map, CoverageBand::PulseDensity, 40.0);
+    assert!(shadow < 0.01 * density(share(40.0)), "{shadow}");
+    let occlusion = |y: f64| mean(&map, CoverageBand::Occlusion, y);
+    assert!(occlusion(40.0) > 0.99 && occlusion(0.0) < 0.01, "{} {}", occlusion(40.0), occlusion(0.0));
+    let expected = (0.3f64.atan() - 0.25f64.atan()) / (0.3f64.atan() - 0.2f64.atan());
+    assert!((occlusion(20.0) - expected).abs() < 0.02, "{}", occlusion(20.0));
+}
+
+#[test]
 fn files_are_the_same_for_any_number_of_threads() {
     let dir = folder();
     write(dir.path(), &[], &[0.0, 60.0]);

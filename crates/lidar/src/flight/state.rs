@@ -431,6 +431,11 @@ impl FlightState {
         self.ticks - self.leg as u64
     }
 
+    /// Number of pulses that each device has emitted so far, over all legs.
+    pub fn emitted(&self) -> impl Iterator<Item = u64> + '_ {
+        self.devices.iter().map(|device| device.pulses)
+    }
+
     /// Position of the platform, m, scene frame.
     pub fn position(&self) -> DVec3 {
         self.platform.position()

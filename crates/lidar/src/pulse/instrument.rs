@@ -308,6 +308,11 @@ impl InstrumentTable {
         self.instruments.iter().any(|instrument| instrument.chirps.is_some())
     }
 
+    /// True if the air of a leg has fog, rain, snow or dust.
+    pub fn has_weather(&self) -> bool {
+        self.instruments.iter().any(|instrument| instrument.weather.is_some())
+    }
+
     /// The false alarms of the instrument that has the most per pulse; `None` if no receiver has noise.
     pub fn false_alarms(&self) -> Option<FalseAlarms> {
         let receivers = self.instruments.iter().filter_map(|instrument| instrument.receiver.as_ref());

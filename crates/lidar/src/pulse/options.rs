@@ -60,6 +60,8 @@ pub struct PhysicsOptions {
     pub record_scanner_axes: bool,
     /// Append the reflections of all subrays to the batch instead of echoes.
     pub record_subrays: bool,
+    /// Let fog, rain, snow and dust dim the light of surfaces only, without light of their own.
+    pub dark_air: bool,
     /// Maximum number of mirrors and panes on the way of light from the instrument to a surface; 0 = they do
     /// not pass light on.
     pub max_order: u8,
@@ -88,6 +90,7 @@ impl PhysicsOptions {
             record_velocities: false,
             record_scanner_axes: false,
             record_subrays: false,
+            dark_air: false,
             max_order: PhysicsOptions::MAX_ORDER,
             corrections: Corrections::NONE,
         }
@@ -100,7 +103,7 @@ impl PhysicsOptions {
 }
 
 impl fmt::Debug for PhysicsOptions {
-    /// Checksums of shards include this text, so runs without radial velocities have none of them in it.
+    /// Checksums of shards include this text, so fields that came later are in it only if they are set.
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         // Checksums would miss a field that is not named.
         let PhysicsOptions {
@@ -116,6 +119,7 @@ impl fmt::Debug for PhysicsOptions {
             record_velocities,
             record_scanner_axes,
             record_subrays,
+            dark_air,
             max_order,
             corrections,
         } = self;
@@ -136,6 +140,9 @@ impl fmt::Debug for PhysicsOptions {
             .field("corrections", corrections);
         if *record_velocities {
             fields.field("record_velocities", record_velocities);
+        }
+        if *dark_air {
+            fields.field("dark_air", dark_air);
         }
         fields.finish()
     }

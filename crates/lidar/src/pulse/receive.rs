@@ -96,6 +96,7 @@ impl Detection {
             let hits = self.scratch.hits.iter_mut();
             hits.chain([&mut self.reflections]).for_each(|all| all.dim(air.extinction));
         }
+        let weather = weather.filter(|_| !options.dark_air);
         let model = instrument.receiver.as_ref();
         let counter = instrument.counter.as_ref();
         let is_idle = !model.is_some_and(ReceiverModel::has_false_alarms)

@@ -170,6 +170,20 @@ impl<'a> FlightWorker<'a> {
         Ok(Pieces(vec![self.worker.measure(leg, leg, done)]))
     }
 
+    /// Measures pulses of a leg that need not be all of a chunk, in any order of the legs, in scenes without
+    /// moving parts. `done` is that of their chunk.
+    pub fn measure_pulses(
+        &mut self,
+        (leg, done): (u32, f64),
+        pulses: impl Iterator<Item = Pulse>,
+    ) -> Result<Measured> {
+        self.worker.pulses.clear();
+        self.worker.pulses.extend(pulses);
+        self.worker.batch.clear(0);
+        self.worker.batch.leg_number = Some(leg);
+        self.worker.measure(leg, leg, done)
+    }
+
     /// Pulses and echoes of the last chunk.
     pub fn measured(&self) -> (&[Pulse], &[Echo]) {
         (&self.worker.pulses, &self.worker.batch.echoes)

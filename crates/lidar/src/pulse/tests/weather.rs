@@ -96,6 +96,24 @@ fn weather_dims_what_lies_behind_it() {
 }
 
 #[test]
+fn dark_air_dims_surfaces_and_returns_nothing() {
+    let survey = survey_in(rain(25.0), |device| device.beam.divergence = 0.003);
+    let options = PhysicsOptions { dark_air: true, ..recorded() };
+    let batch = simulate_pulses(&wall_at(100.0), &survey, options, 0, &pulses(300));
+    assert_eq!(batch.echoes.len(), 300);
+    let clear = simulate_pulses(
+        &wall_at(100.0),
+        &survey_in(Weather::CLEAR, |device| device.beam.divergence = 0.003),
+        recorded(),
+        0,
+        &pulses(1),
+    );
+    let share = batch.echoes[0].intensity / clear.echoes[0].intensity;
+    assert!((share / libm::exp(-0.2 * 2.770706) - 1.0).abs() < 1e-3, "{share}");
+    assert!(batch.echoes.iter().all(|echo| echo.part == 0));
+}
+
+#[test]
 fn raindrops_are_labelled_and_each_pulse_meets_others() {
     let survey = survey_in(rain(25.0), |device| {
         (device.beam.divergence, device.waveform.quality) = (0.003, 2);

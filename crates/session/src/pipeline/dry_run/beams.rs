@@ -67,6 +67,20 @@ impl Surroundings<'_> {
         (!self.has([place.x, place.y]) && off(place) <= reach).then_some((place, edge))
     }
 
+    /// Narrows a range of whole numbers n to those for which `place` + n·`step` lies within the box in plan.
+    /// An empty range ends before it begins.
+    pub fn within(&self, place: [f64; 2], step: [f64; 2], [low, high]: [f64; 2]) -> [f64; 2] {
+        let Aabb { min, max } = &self.bounds;
+        let axes = [(place[0], step[0], min.x, max.x), (place[1], step[1], min.y, max.y)];
+        axes.into_iter().fold([low, high], |[low, high], (at, step, min, max)| {
+            if step == 0.0 {
+                return if (min..=max).contains(&at) { [low, high] } else { [1.0, 0.0] };
+            }
+            let (one, two) = ((min - at) / step, (max - at) / step);
+            [low.max(one.min(two).ceil()), high.min(one.max(two).floor())]
+        })
+    }
+
     /// The nearest place of the box in plan.
     fn nearest(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         let Aabb { min, max } = &self.bounds;
@@ -115,20 +129,21 @@ pub fn moved(beam: &Beam, place: DVec3, swing: DVec3) -> [f64; 2] {
     [place.x + step.x, place.y + step.y]
 }
 
-/// A beam that is measured.
-pub struct KeptPulse {
-    /// Number of its device.
-    pub device: u32,
-    /// Number of its pulse.
-    pub number: u64,
-    /// Changes of direction to the beams that it stands for, itself among them.
-    pub swings: Vec<DVec3>,
+/// Horizontal ways, m, from a place on a beam to those on others from its origin, by their changes of
+/// direction.
+pub fn offsets(beam: &Beam, place: DVec3, swings: &[DVec3]) -> Vec<[f64; 2]> {
+    let offset = |swing: &DVec3| {
+        let [x, y] = moved(beam, place, *swing);
+        [x - place.x, y - place.y]
+    };
+    swings.iter().map(offset).collect()
 }
 
 /// Leaves one in `every` pulses of a device: those whose number has the remainder `phase`, each of which
-/// stands for the pulses around it, and one for pulses at an end without it. Returns their beams, in their
-/// order; none if all pulses are left.
-pub fn thin(pulses: &mut Vec<Pulse>, every: u32, phase: u64) -> Vec<KeptPulse> {
+/// stands for the pulses around it, and one for pulses at an end without it. Returns for each of them, in
+/// their order, the changes of direction to the beams that it stands for, itself among them; nothing if all
+/// pulses are left.
+pub fn thin(pulses: &mut Vec<Pulse>, every: u32, phase: u64) -> Vec<Vec<DVec3>> {
     if every <= 1 {
         return Vec::new();
     }
@@ -141,14 +156,13 @@ pub fn thin(pulses: &mut Vec<Pulse>, every: u32, phase: u64) -> Vec<KeptPulse> {
     let keep = |members: &Vec<usize>| {
         let is_it = |i: &usize| pulses[*i].number % every == phase;
         let at = members.iter().copied().find(is_it).unwrap_or(members[members.len() / 2]);
-        let (device, number, direction) =
-            (pulses[at].device, pulses[at].number, pulses[at].attitude.forward());
+        let (number, direction) = (pulses[at].number, pulses[at].attitude.forward());
         let swing_to =
             |pulse: &Pulse| swing(direction, pulse.attitude.forward(), pulse.number.abs_diff(number));
-        let swings = members.iter().map(|i| swing_to(&pulses[*i])).collect();
-        (at, KeptPulse { device, number, swings })
+        let swings: Vec<DVec3> = members.iter().map(|i| swing_to(&pulses[*i])).collect();
+        (at, swings)
     };
-    let mut kept: Vec<(usize, KeptPulse)> = groups.values().map(keep).collect();
+    let mut kept: Vec<(usize, Vec<DVec3>)> = groups.values().map(keep).collect();
     kept.sort_unstable_by_key(|(at, _)| *at);
     let mut places = kept.iter().map(|(at, _)| *at).peekable();
     let mut at = 0;
@@ -156,7 +170,7 @@ pub fn thin(pulses: &mut Vec<Pulse>, every: u32, phase: u64) -> Vec<KeptPulse> {
         at += 1;
         places.next_if_eq(&(at - 1)).is_some()
     });
-    kept.into_iter().map(|(_, beam)| beam).collect()
+    kept.into_iter().map(|(_, swings)| swings).collect()
 }
 
 /// The change of direction to a beam that is fired some pulses before or after; 0 if it belongs to another
@@ -221,16 +235,16 @@ mod tests {
         let beams = thin(&mut some, 4, 2);
         let left: Vec<(u64, u32)> = some.iter().map(|pulse| (pulse.number, pulse.device)).collect();
         assert_eq!(left, [(2, 0), (2, 1), (6, 0), (6, 1), (10, 0), (10, 1)]);
-        assert_eq!(beams.iter().map(|beam| (beam.number, beam.device)).collect::<Vec<_>>(), left);
         // Pulses 1 to 3, 4 to 7, 8 to 10.
-        assert_eq!(beams.iter().map(|beam| beam.swings.len()).collect::<Vec<_>>(), [3, 3, 4, 4, 3, 3]);
-        let angles: Vec<f64> = beams[2].swings.iter().map(|swing| swing.length()).collect();
+        assert_eq!(beams.iter().map(Vec::len).collect::<Vec<_>>(), [3, 3, 4, 4, 3, 3]);
+        let angles: Vec<f64> = beams[2].iter().map(|swing| swing.length()).collect();
         let near = |(found, expected): (&f64, f64)| (found - expected).abs() < 1e-5;
         assert!(angles.iter().zip([0.02, 0.01, 0.0, 0.01]).all(near), "{angles:?}");
         // Pulses 1 to 5 have pulse 2; 6 to 8, without pulse 10, have another one.
         let mut cut = pulses(8);
         let beams = thin(&mut cut, 8, 2);
-        let left: Vec<(u64, usize)> = beams.iter().map(|beam| (beam.number, beam.swings.len())).collect();
+        let left: Vec<(u64, usize)> =
+            cut.iter().zip(&beams).map(|(p, beam)| (p.number, beam.len())).collect();
         assert_eq!(left, [(2, 5), (2, 5), (7, 3), (7, 3)]);
         // All of them, and none.
         let mut all = pulses(10);

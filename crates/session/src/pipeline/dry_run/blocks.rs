@@ -30,7 +30,7 @@ pub struct BlockChunk {
     pub repeats: Repeats,
     /// Number of pulses of which one is measured.
     pub pulses: u32,
-    /// Remainder of the numbers of its measured pulses, divided by `pulses`.
+    /// Number of the first measured step, or remainder of the numbers of measured pulses, below `pulses`.
     pub phase: u64,
 }
 
@@ -218,7 +218,9 @@ impl Block {
         let Block { chunks, steps, around, drift, phase } = std::mem::take(self);
         let around = around.map(|passed| passed as f64 / (steps as f64).max(1.0));
         let repeats = Repeats { around, drift: [drift.x, drift.y] };
-        let phase = phase % u64::from(pulses.max(1));
+        // Far from those of the periods beside it, so that periods together see all phases.
+        let every = u64::from(pulses.max(1));
+        let phase = phase % every * ((every * 5 / 8) | 1) % every;
         chunks.into_iter().try_for_each(|chunk| put(BlockChunk { chunk, repeats, pulses, phase }))
     }
 }
@@ -232,7 +234,7 @@ fn period_steps(survey: &Survey, clock: LegClock) -> u32 {
 }
 
 /// Time after which the scan pattern of a leg repeats, s; 0 for a beam that the scanner does not deflect.
-fn period_s(survey: &Survey, leg: u32) -> f64 {
+pub fn period_s(survey: &Survey, leg: u32) -> f64 {
     let leg = survey.legs.get(leg as usize).filter(|found| found.number == leg);
     let (Some(leg), Some(device)) = (leg, survey.scanner.devices.first()) else { return 0.0 };
     let settings = &leg.scanner;

@@ -1,14 +1,15 @@
 //! Returns of a flight, summed in square cells.
 //!
 //! A measured pulse stands for those that are fired before and behind it, and for the pulses of the same
-//! phase in the scan periods around it. Each of these has its returns at its own place: by its direction, on
-//! a level plane, and by the way of the platform. Spread evenly over that way, returns would differ from
-//! those of the run by up to a scan line per cell. Where the scene ends, returns beyond it do not count, and
-//! pulses that miss it stand for those beside them that meet it. Sums are whole numbers, which do not depend
-//! on the order in which threads add to them.
+//! phase in the scan periods around it. Each of these has its returns at its own place: beside the measured
+//! one, and by the way of the platform. Spread evenly over that way, returns would differ from those of the
+//! run by up to a scan line per cell. Where the scene ends, returns beyond it do not count, and pulses that
+//! miss it stand for those beside them that meet it. Sums are whole numbers, which do not depend on the order
+//! in which threads add to them.
 
-use super::beams::{Beam, Surroundings, below, is_of_surface, moved};
+use super::beams::{Beam, Surroundings, below, is_of_surface, offsets};
 use std::collections::HashMap;
+use vlscan_base::error::Error;
 use vlscan_geom::{DVec3, degrees};
 use vlscan_lidar::pulse::Echo;
 
@@ -42,16 +43,21 @@ impl Repeats {
         x.hypot(y) * self.around[0].max(self.around[1]).ceil()
     }
 
-    /// Numbers of the periods, counted from the measured one, and how much of each is flown. A platform that
-    /// stands has all of them at one place.
-    fn offsets(&self) -> impl Iterator<Item = (f64, f64)> {
-        let is_still = self.drift == [0.0; 2];
-        let [before, behind] = if is_still { [0.0; 2] } else { self.around };
-        let own = if is_still { self.periods() } else { 1.0 };
-        let one_way = |count: f64, sign: f64| {
-            (1..=count.ceil() as u32).map(f64::from).map(move |k| (sign * k, (count - k + 1.0).min(1.0)))
-        };
-        one_way(before, -1.0).chain([(0.0, own)]).chain(one_way(behind, 1.0))
+    /// Periods that are complete: the number of the first and of the last one, counted from the measured one,
+    /// and how often each is flown. A platform that stands has all periods at one place.
+    fn complete(&self) -> ([f64; 2], f64) {
+        match self.drift == [0.0; 2] {
+            true => ([0.0; 2], self.periods()),
+            false => ([-self.around[0].floor(), self.around[1].floor()], 1.0),
+        }
+    }
+
+    /// Numbers of the incomplete periods, and how much of each is flown.
+    fn incomplete(&self) -> impl Iterator<Item = (f64, f64)> {
+        let is_moving = self.drift != [0.0; 2];
+        let ends = [(-1.0, self.around[0]), (1.0, self.around[1])];
+        let end = |(sign, count): (f64, f64)| (sign * (count.floor() + 1.0), count.fract());
+        ends.into_iter().map(end).filter(move |(_, share)| is_moving && *share > 0.0)
     }
 }
 
@@ -169,44 +175,40 @@ impl CoverageCells {
         sums
     }
 
-    /// Adds the echoes of pulses of a strip, each of which stands for the same repeats. `swings` returns the
-    /// changes of direction from the pulse of an echo to those that it stands for, itself among them. Echoes
-    /// of the air and of noise do not count.
-    pub fn add<'s>(
+    /// Adds the echoes of a pulse of a strip, by return number. `offsets` are the ways from its places to
+    /// those of the pulses that it stands for, itself among them, m. Echoes of the air and of noise do not
+    /// count.
+    pub fn add(
         &mut self,
         echoes: &[Echo],
         strip: u32,
-        repeats: &Repeats,
-        swings: &mut dyn FnMut(&Echo) -> &'s [DVec3],
+        (repeats, offsets): (&Repeats, &[[f64; 2]]),
         scene: &Surroundings,
     ) {
-        for pulse in echoes.chunk_by(|a, b| (a.device, a.pulse_number) == (b.device, b.pulse_number)) {
-            let swings = swings(&pulse[0]);
-            let surfaces = pulse.iter().filter(|echo| is_of_surface(echo));
-            let first = surfaces.clone().map(|echo| echo.return_number).min();
-            for echo in surfaces.clone() {
-                let angle = angle_of(echo.incidence_cosine);
-                let is_first = first == Some(echo.return_number);
-                let beam = Beam::of(echo);
-                let places = swings.iter().map(|swing| moved(&beam, echo.position, *swing));
-                let own = [echo.position.x, echo.position.y];
-                self.repeat(places, (repeats, own, scene), |cell, part, units| {
-                    cell.points += units;
-                    if is_first {
-                        cell.add_first(units, angle, part, strip);
-                    }
-                });
-            }
-            let last = surfaces.max_by_key(|echo| echo.return_number).filter(|_| scene.has_ground);
-            let Some(last) = last else { continue };
-            if let Some((place, is_seen)) = below(last, scene.heights) {
-                let beam = Beam::of(last);
-                let places = swings.iter().map(|swing| moved(&beam, place, *swing));
-                self.repeat(places, (repeats, [place.x, place.y], scene), |cell, _, units| {
-                    cell.aimed += units;
-                    cell.blocked += if is_seen { 0 } else { units };
-                });
-            }
+        let surfaces = || echoes.iter().filter(|echo| is_of_surface(echo));
+        let first = surfaces().map(|echo| echo.return_number).min();
+        let last = surfaces().max_by_key(|echo| echo.return_number);
+        let aimed = last.filter(|_| scene.has_ground).and_then(|echo| below(echo, scene.heights));
+        let seen = last.filter(|_| aimed.is_some_and(|(_, is_seen)| is_seen)).map(|echo| echo.return_number);
+        for echo in surfaces() {
+            let angle = angle_of(echo.incidence_cosine);
+            let is_first = first == Some(echo.return_number);
+            let is_aimed = seen == Some(echo.return_number);
+            let own = [echo.position.x, echo.position.y];
+            self.repeat((own, own), (repeats, offsets), scene, |cell, part, units| {
+                cell.points += units;
+                if is_first {
+                    cell.add_first(units, angle, part, strip);
+                }
+                cell.aimed += if is_aimed { units } else { 0 };
+            });
+        }
+        if let Some((place, false)) = aimed {
+            let own = [place.x, place.y];
+            self.repeat((own, own), (repeats, offsets), scene, |cell, _, units| {
+                cell.aimed += units;
+                cell.blocked += units;
+            });
         }
     }
 
@@ -223,8 +225,8 @@ impl CoverageCells {
         let swing = swings.iter().map(|swing| swing.length()).fold(0.0, f64::max);
         let Some((place, own)) = scene.past_edge(beam, swing, repeats.way()) else { return };
         let angle = angle_of(beam.direction.z);
-        let places = swings.iter().map(|swing| moved(beam, place, *swing));
-        self.repeat(places, (repeats, own, scene), |cell, part, units| {
+        let (offsets, place) = (offsets(beam, place, swings), [place.x, place.y]);
+        self.repeat((place, own), (repeats, &offsets), scene, |cell, part, units| {
             cell.points += units;
             cell.add_first(units, angle, part, strip);
             cell.aimed += if scene.has_ground { units } else { 0 };
@@ -238,30 +240,60 @@ impl CoverageCells {
         }
     }
 
-    /// Adds a return at each of some places, scene frame, and at its repeats. Returns beyond the box of the
-    /// scene do not count if the measured one, at `own`, lies within. `add` takes the cell, the bit of the
-    /// part in it, and the units of a pulse there.
+    /// Adds a return at each offset from `place`, scene frame, and at its repeats. Returns beyond the box of
+    /// the scene do not count if the measured one, at `own`, lies within. `add` takes the cell, the bit of
+    /// the part in it, and the units of the pulses there.
     fn repeat(
         &mut self,
-        places: impl Iterator<Item = [f64; 2]>,
-        (repeats, own, scene): (&Repeats, [f64; 2], &Surroundings),
+        (place, own): ([f64; 2], [f64; 2]),
+        (repeats, offsets): (&Repeats, &[[f64; 2]]),
+        scene: &Surroundings,
         mut add: impl FnMut(&mut CellSum, u16, u64),
     ) {
-        let part = self.side / PARTS as f64;
-        let (shift, drift) = ([self.shift.x, self.shift.y], repeats.drift);
+        let drift = repeats.drift;
+        let (complete, times) = repeats.complete();
         let is_cut = scene.has(own);
-        for place in places {
-            for (after, share) in repeats.offsets() {
-                let units = (share * PULSE).round() as u64;
-                let at = [0, 1].map(|axis| place[axis] + after * drift[axis]);
-                if units == 0 || (is_cut && !scene.has(at)) {
-                    continue;
+        for offset in offsets {
+            let start = [0, 1].map(|axis| place[axis] + offset[axis]);
+            let range = if is_cut { scene.within(start, drift, complete) } else { complete };
+            let mut add_some =
+                |cell: &mut CellSum, part: u16, count: f64| add(cell, part, units(count * times));
+            self.add_line(start, drift, range, &mut add_some);
+            for (after, share) in repeats.incomplete() {
+                let at = [0, 1].map(|axis| start[axis] + after * drift[axis]);
+                if !is_cut || scene.has(at) {
+                    let mut add_part = |cell: &mut CellSum, part: u16, _: f64| add(cell, part, units(share));
+                    self.add_line(at, drift, [0.0; 2], &mut add_part);
                 }
-                let at = [0, 1].map(|axis| ((at[axis] + shift[axis]) / part).floor() as i64);
-                let [column, row] = at.map(|c| c.rem_euclid(PARTS));
-                let cell = self.cell(at.map(|c| c.div_euclid(PARTS)));
-                add(cell, 1u16 << (row * PARTS + column), units);
             }
+        }
+    }
+
+    /// Passes the cells and parts of the places `start` + n·`step`, scene frame, for all whole numbers n of
+    /// a range to `add`, with their number in each.
+    fn add_line(
+        &mut self,
+        start: [f64; 2],
+        step: [f64; 2],
+        [low, high]: [f64; 2],
+        add: &mut impl FnMut(&mut CellSum, u16, f64),
+    ) {
+        let side = self.side / PARTS as f64;
+        let start = [start[0] + self.shift.x, start[1] + self.shift.y];
+        let mut n = low;
+        while n <= high {
+            let parts = [0, 1].map(|axis| ((start[axis] + n * step[axis]) / side).floor() as i64);
+            // The first number behind the part along an axis.
+            let end = |axis: usize| match step[axis] {
+                by if by > 0.0 => (((parts[axis] + 1) as f64 * side - start[axis]) / by).ceil(),
+                by if by < 0.0 => ((parts[axis] as f64 * side - start[axis]) / by).floor() + 1.0,
+                _ => f64::INFINITY,
+            };
+            let next = if n < high { end(0).min(end(1)).max(n + 1.0).min(high + 1.0) } else { high + 1.0 };
+            let [column, row] = parts.map(|part| part.rem_euclid(PARTS));
+            let cell = self.cell(parts.map(|part| part.div_euclid(PARTS)));
+            add(cell, 1u16 << (row * PARTS + column), next - n);
+            n = next;
         }
     }
 
@@ -280,6 +312,19 @@ impl CoverageCells {
         };
         &mut self.sums[index]
     }
+}
+
+/// The error for more cells of a side, m, than a map can have.
+pub fn too_many_cells(side: f64) -> Error {
+    Error::input_with_help(
+        format!("the coverage of this survey has too many cells of {side} m"),
+        "give larger ones with --coverage-cell",
+    )
+}
+
+/// Pulses in units of sums.
+fn units(pulses: f64) -> u64 {
+    (pulses * PULSE).round() as u64
 }
 
 /// Angle of incidence in units of sums.
@@ -329,9 +374,11 @@ mod tests {
         }
     }
 
-    /// The swings of a pulse that stands for itself only.
-    fn alone(_: &Echo) -> &'static [DVec3] {
-        ITSELF
+    /// Adds the echoes of pulses that stand for themselves only.
+    fn add(cells: &mut CoverageCells, echoes: &[Echo], strip: u32, repeats: &Repeats, scene: &Surroundings) {
+        for pulse in echoes.chunk_by(|a, b| a.pulse_number == b.pulse_number) {
+            cells.add(pulse, strip, (repeats, &[[0.0; 2]]), scene);
+        }
     }
 
     fn cell(cells: &CoverageCells, place: [i64; 2]) -> CellSum {
@@ -343,7 +390,7 @@ mod tests {
         let mut cells = CoverageCells::new(10.0, DVec3::new(1000.0, 0.0, 0.0));
         // x = 6, 11, 16, 21, 26, 31, 36 and 30 % of a period at 41 m.
         let repeats = Repeats { around: [2.0, 4.3], drift: [5.0, 0.0] };
-        cells.add(&[echo(DVec3::new(16.0, 5.0, 0.0), 1, 1)], 7, &repeats, &mut alone, &WIDE);
+        add(&mut cells, &[echo(DVec3::new(16.0, 5.0, 0.0), 1, 1)], 7, &repeats, &WIDE);
         let pulses: Vec<f64> = (100..105).map(|column| cell(&cells, [column, 0]).pulses()).collect();
         assert_eq!(pulses[..4], [1.0, 2.0, 2.0, 2.0]);
         assert!((pulses[4] - 0.3).abs() < 1e-3, "{pulses:?}");
@@ -354,7 +401,7 @@ mod tests {
         // A platform that stands measures the same place in all periods.
         let mut cells = CoverageCells::new(10.0, DVec3::ZERO);
         let repeats = Repeats { around: [2.0, 4.5], drift: [0.0; 2] };
-        cells.add(&[echo(DVec3::new(15.0, 5.0, 0.0), 1, 1)], 7, &repeats, &mut alone, &WIDE);
+        add(&mut cells, &[echo(DVec3::new(15.0, 5.0, 0.0), 1, 1)], 7, &repeats, &WIDE);
         assert_eq!((cells.count(), cell(&cells, [1, 0]).pulses()), (1, 7.5));
     }
 
@@ -366,7 +413,7 @@ mod tests {
         let x = |line: u32| 0.35 + 0.7 * f64::from(line);
         for line in (4..900).step_by(9) {
             let line_echo = echo(DVec3::new(x(line), 5.0, 0.0), u64::from(line), 1);
-            cells.add(&[line_echo], 0, &repeats, &mut alone, &WIDE);
+            add(&mut cells, &[line_echo], 0, &repeats, &WIDE);
         }
         for column in 0..63 {
             let lines = (0..900).filter(|line| (x(*line) / 10.0).floor() as i64 == column).count();
@@ -378,9 +425,12 @@ mod tests {
     fn a_return_counts_for_the_pulses_beside_it() {
         // Straight down from 100 m, and beams 2 m south, 1 m north and 2 m north of it.
         let swings = [-0.02, 0.0, 0.01, 0.02].map(|y| DVec3::new(0.0, y, 0.0));
+        let beside = echo(DVec3::new(2.5, 5.0, 0.0), 1, 1);
+        let beside =
+            offsets(&Beam { origin: beside.origin, direction: beside.direction }, beside.position, &swings);
         let mut cells = CoverageCells::new(5.0, DVec3::ZERO);
         let at = DVec3::new(2.5, 5.0, 0.0);
-        cells.add(&[echo(at, 1, 1)], 0, &ONCE, &mut |_: &Echo| &swings[..], &WIDE);
+        cells.add(&[echo(at, 1, 1)], 0, (&ONCE, &beside), &WIDE);
         assert_eq!((cell(&cells, [0, 0]).pulses(), cell(&cells, [0, 1]).pulses()), (1.0, 3.0));
     }
 
@@ -392,7 +442,7 @@ mod tests {
         let mut cells = CoverageCells::new(10.0, DVec3::ZERO);
         let repeats = Repeats { around: [2.0; 2], drift: [1.0, 0.0] };
         // x = 36.5 to 40.5, of which the last is beyond the edge.
-        cells.add(&[echo(DVec3::new(38.5, 5.0, 0.0), 1, 1)], 0, &repeats, &mut alone, &scene);
+        add(&mut cells, &[echo(DVec3::new(38.5, 5.0, 0.0), 1, 1)], 0, &repeats, &scene);
         assert_eq!((cells.count(), cell(&cells, [3, 0]).pulses()), (1, 4.0));
         // x = 39.5 to 43.5, of which the first is not. Others are too far, or within the scene.
         for x in [41.5, 45.0, 20.0] {
@@ -409,7 +459,7 @@ mod tests {
         let at = |z: f64, number| echo(DVec3::new(5.0, 5.0, z), number, 1);
         let drop = |number| Echo { part: u32::MAX, ..at(30.0, number) };
         let behind = Echo { return_number: 2, ..at(0.0, 1) };
-        cells.add(&[drop(1), behind, drop(2), at(0.0, 3)], 0, &ONCE, &mut alone, &WIDE);
+        add(&mut cells, &[drop(1), behind, drop(2), at(0.0, 3)], 0, &ONCE, &WIDE);
         let found = cell(&cells, [0, 0]);
         assert_eq!((cells.count(), found.pulses(), found.points()), (1, 2.0, 2.0));
     }
@@ -424,7 +474,7 @@ mod tests {
             let mut all = CoverageCells::new(5.0, DVec3::ZERO);
             for part in parts {
                 let mut cells = CoverageCells::new(5.0, DVec3::ZERO);
-                cells.add(part, u32::from(part[0].pulse_number >= 100), &repeats, &mut alone, &WIDE);
+                add(&mut cells, part, u32::from(part[0].pulse_number >= 100), &repeats, &WIDE);
                 all.join(&cells);
             }
             let mut found: Vec<_> =
@@ -444,26 +494,26 @@ mod tests {
             |position, number| Echo { direction: DVec3::new(0.6, 0.0, -0.8), ..echo(position, number, 1) };
         let mut cells = CoverageCells::new(10.0, DVec3::ZERO);
         // A beam that ends 10 m above x = 14 would meet the ground 10 / (4/3 + 0.1) = 7 m farther on.
-        cells.add(&[slanted(DVec3::new(14.0, 5.0, 11.4), 1)], 0, &ONCE, &mut alone, &scene);
+        add(&mut cells, &[slanted(DVec3::new(14.0, 5.0, 11.4), 1)], 0, &ONCE, &scene);
         assert_eq!(cell(&cells, [1, 0]).pulses(), 1.0);
         assert!(cell(&cells, [1, 0]).occlusion().is_nan());
         assert_eq!(cell(&cells, [2, 0]).occlusion(), 1.0);
         // One that reaches the ground in the cell.
         let mut cells = CoverageCells::new(10.0, DVec3::ZERO);
-        cells.add(&[slanted(DVec3::new(3.0, 5.0, 0.3), 1)], 0, &ONCE, &mut alone, &scene);
+        add(&mut cells, &[slanted(DVec3::new(3.0, 5.0, 0.3), 1)], 0, &ONCE, &scene);
         assert_eq!(cell(&cells, [0, 0]).occlusion(), 0.0);
         // Two pulses, of which one has a second echo from the ground.
         let mut cells = CoverageCells::new(10.0, DVec3::ZERO);
         let at = |z| DVec3::new(5.0, 5.0, z);
         let both = [echo(at(8.0), 1, 1), echo(at(0.5), 1, 2), echo(at(8.0), 2, 1)];
-        cells.add(&both, 0, &ONCE, &mut alone, &scene);
+        add(&mut cells, &both, 0, &ONCE, &scene);
         let found = cell(&cells, [0, 0]);
         assert_eq!((found.occlusion(), found.pulses(), found.points()), (0.5, 2.0, 3.0));
         // Without ground, and for beams that rise, nothing is hidden.
         let mut cells = CoverageCells::new(10.0, DVec3::ZERO);
-        cells.add(&[echo(DVec3::new(-5.0, 5.0, 3.0), 1, 1)], 0, &ONCE, &mut alone, &scene);
+        add(&mut cells, &[echo(DVec3::new(-5.0, 5.0, 3.0), 1, 1)], 0, &ONCE, &scene);
         let up = Echo { direction: DVec3::Z, ..echo(at(9.0), 1, 1) };
-        cells.add(&[up], 0, &ONCE, &mut alone, &scene);
+        add(&mut cells, &[up], 0, &ONCE, &scene);
         assert!(cells.iter().all(|(_, sum)| sum.occlusion().is_nan()));
     }
 }

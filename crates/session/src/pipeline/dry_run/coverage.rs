@@ -1,41 +1,25 @@
 //! Coverage of a flight in square cells: [`Session::coverage`].
 
-use super::super::collector::{Ended, PassEnd};
-use super::super::fly::run_stages;
-use super::super::pass::{Pass, RunContext};
+use super::super::pass::RunContext;
 use super::super::progress::Progress;
 use super::super::run::Epochs;
 use super::super::session::Session;
-use super::super::worker::{FlightWorker, Pieces};
-use super::beams::{Beam, ITSELF, KeptPulse, Surroundings, is_of_surface, thin};
-use super::blocks::{BlockChunk, Blocks, Stride};
-use super::cells::{CellSum, CoverageCells, Repeats};
+use super::cells::{CellSum, CoverageCells, too_many_cells};
+use super::sampler::Sampler;
 use super::timeline::Timeline;
 use crate::output::{OutputPlan, OutputRequest};
-use std::collections::{BTreeMap, HashMap, HashSet};
+use std::collections::BTreeMap;
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex, PoisonError};
 use vlscan_base::error::{Error, Result};
-use vlscan_geom::{Aabb, DVec3};
-use vlscan_lidar::flight::{FlightPlan, FlightState, Pulse};
-use vlscan_lidar::pulse::Echo;
-use vlscan_scene::{Fallback, MotionState, Scene};
-use vlscan_survey::{PlatformKind, Survey};
+use vlscan_lidar::flight::FlightPlan;
+use vlscan_lidar::pulse::PhysicsOptions;
+use vlscan_survey::PlatformKind;
 
-/// Rays that are traced in any case, if there are as many.
-const MIN_RAYS: f64 = 3_000_000.0;
-/// Part of the rays of the run that are traced, if these are more.
-const SHARE_OF_RAYS: f64 = 0.012;
-/// Maximum number of pulses of a scan line of which one is measured: neighbouring lines add more information
-/// than all pulses of one line.
-const MAX_THINNING: u32 = 8;
 /// Limits of the side of a cell, m.
 const SIDES: [f64; 2] = [0.01, 100_000.0];
-/// Maximum number of cells with returns, and of cells of the map.
-const MAX_CELLS: usize = 4_000_000;
+/// Maximum number of cells of the map.
 const MAX_MAP: f64 = 2e7;
-/// Greatest width of crowns and roofs that reach beyond the ground of a scene, m.
-const MAX_OVERHANG: f64 = 15.0;
 
 /// A quantity of each cell of a [`CoverageMap`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -181,8 +165,9 @@ impl Session {
     /// cells of `side` m.
     ///
     /// Of short flights all pulses are measured, otherwise about one per cent: of each leg periods of the
-    /// scan pattern at equal distances, and of these one in a few pulses. Their returns count at the places
-    /// of the pulses beside them and of the other periods, too.
+    /// scan pattern at equal distances, and of these one in a few pulses, and more where surfaces end between
+    /// them. Their returns count at the places of the pulses beside them and of the other periods, too. Fog,
+    /// rain, snow and dust only dim the surfaces.
     ///
     /// # Errors
     /// As for [`Session::run`]; [`Error::Input`] for cells that are too small or too large, and for a live
@@ -223,7 +208,8 @@ impl Session {
     ) -> Result<CoverageMap> {
         let context = self.output_context();
         let nothing = OutputRequest::default();
-        let options = self.settings().physics_for(&nothing);
+        // Light of fog and drops costs most of a pulse, and does not count.
+        let options = PhysicsOptions { dark_air: true, ..self.settings().physics_for(&nothing) };
         let crs = context.crs.clone();
         let output = Arc::new(OutputPlan::new(nothing, &context)?);
         let epochs = Epochs { range: 0..=0, options, is_checked: false, has_legs: true };
@@ -234,7 +220,7 @@ impl Session {
         let cells = Mutex::new(CoverageCells::new(side, shift));
         let report =
             self.run_epochs(output, epochs, control, &AtomicBool::new(true), |session, pass, _, _| {
-                let sampler = Sampler { side, shift, cells: &cells, strips: strips_of(session.survey()) };
+                let sampler = Sampler::new(&cells, session.survey(), side, shift);
                 sampler.measure(session, pass, flight, timeline)
             })?;
         if report.interrupted {
@@ -245,130 +231,13 @@ impl Session {
     }
 }
 
-/// Measurement of a sample of a flight in cells.
-struct Sampler<'a> {
-    /// Side of a cell, m.
-    side: f64,
-    /// Origin of the scene frame in the world, m.
-    shift: DVec3,
-    cells: &'a Mutex<CoverageCells>,
-    /// Strip of each leg of the survey.
-    strips: Vec<u32>,
-}
-
-impl Sampler<'_> {
-    /// Measures blocks of a flight.
-    fn measure(
-        &self,
-        session: &Session,
-        pass: &Pass<'_>,
-        flight: &FlightPlan,
-        timeline: &Timeline,
-    ) -> Result<Ended> {
-        let ground = session.ground(Fallback::Lowest)?;
-        let has_ground = ground.has_ground();
-        let heights = move |x: f64, y: f64| ground.local_height(x, y);
-        let scene = Surroundings { heights: &heights, has_ground, bounds: edges(session.scene()) };
-        let make_worker = || {
-            let mut worker = FlightWorker::new(pass, flight);
-            move |work: BlockChunk| -> Result<Pieces> {
-                let leg = work.chunk.leg;
-                let (every, phase) = (work.pulses, work.phase);
-                let mut beams = Vec::new();
-                let pieces = worker.measure_some(work.chunk, |pulses| beams = thin(pulses, every, phase))?;
-                let strip = self.strips.get(leg as usize).copied().unwrap_or(leg);
-                let found = self.count(worker.measured(), &beams, (strip, &work.repeats), &scene);
-                self.add(&found)?;
-                Ok(pieces)
-            }
-        };
-        let end =
-            PassEnd { check: None, is_last: true, keeps_partial: false, open_outputs: pass.open_outputs };
-        let stride = stride(pass, timeline);
-        run_stages(pass.schedule, pass.control, &pass.output, None, end, make_worker, |feed| {
-            let run = feed.state();
-            let motion = pass.motion.map(|motion| (motion, MotionState::after_steps(motion, 0)));
-            let state = FlightState::start(flight);
-            let mut blocks = Blocks { survey: session.survey(), flight, state, motion };
-            blocks.divide(stride, &|| run.is_stopped(), &mut |block| feed.put(block))?;
-            feed.end_leg()
-        })
-    }
-
-    /// The returns of measured pulses of a strip. `beams` are those of the pulses, if they stand for others.
-    fn count(
-        &self,
-        (pulses, echoes): (&[Pulse], &[Echo]),
-        beams: &[KeptPulse],
-        (strip, repeats): (u32, &Repeats),
-        scene: &Surroundings<'_>,
-    ) -> CoverageCells {
-        let mut found = CoverageCells::new(self.side, self.shift);
-        let surfaces = echoes.iter().filter(|echo| is_of_surface(echo));
-        let returned: HashSet<(u32, u64)> = surfaces.map(|echo| (echo.device, echo.pulse_number)).collect();
-        for (i, pulse) in pulses.iter().enumerate() {
-            if !returned.contains(&(pulse.device, pulse.number)) {
-                let beam = Beam { origin: pulse.origin, direction: pulse.attitude.forward() };
-                let swings = beams.get(i).map_or(ITSELF, |beam| &beam.swings[..]);
-                found.add_around(&beam, strip, repeats, swings, scene);
-            }
-        }
-        let mut left = beams.iter();
-        let mut swings = |echo: &Echo| {
-            let is_it = |beam: &&KeptPulse| (beam.device, beam.number) == (echo.device, echo.pulse_number);
-            left.find(is_it).map_or(ITSELF, |beam| &beam.swings[..])
-        };
-        found.add(echoes, strip, repeats, &mut swings, scene);
-        found
-    }
-
-    /// Adds the returns of a chunk.
-    fn add(&self, found: &CoverageCells) -> Result<()> {
-        let mut all = self.cells.lock().map_err(|_| Error::Internal("a worker has panicked".to_owned()))?;
-        all.join(found);
-        if all.count() > MAX_CELLS { Err(too_many_cells(self.side)) } else { Ok(()) }
-    }
-}
-
-/// The box of a scene's ground if at most crowns and roofs reach beyond it, otherwise that of the scene.
-fn edges(scene: &Scene) -> Aabb {
-    let whole = scene.bounds;
-    // Tiles that are not loaded have ground, too.
-    let Some(ground) = scene.ground_bounds().filter(|_| scene.tiles.is_none()) else { return whole };
-    let is_near = |a: DVec3, b: DVec3| (a.x - b.x).abs().max((a.y - b.y).abs()) <= MAX_OVERHANG;
-    if is_near(whole.min, ground.min) && is_near(whole.max, ground.max) { ground } else { whole }
-}
-
-fn too_many_cells(side: f64) -> Error {
-    Error::input_with_help(
-        format!("the coverage of this survey has too many cells of {side} m"),
-        "give larger ones with --coverage-cell",
-    )
-}
-
-/// The pulses that are measured with the rays of a sample.
-fn stride(pass: &Pass<'_>, timeline: &Timeline) -> Stride {
-    let rays = timeline.pulses() * pass.physics.max_rays() as f64;
-    let ratio = (rays / MIN_RAYS.max(SHARE_OF_RAYS * rays)).max(1.0);
-    // Moving parts refer to pulses by their place in a chunk.
-    let pulses = if pass.motion.is_some() { 1.0 } else { ratio.ceil().min(f64::from(MAX_THINNING)) };
-    Stride { periods: (ratio / pulses).ceil() as u64, pulses: pulses as u32 }
-}
-
-/// Number of the strip of each leg: legs of one strip have that of the first.
-fn strips_of(survey: &Survey) -> Vec<u32> {
-    let mut named: HashMap<&str, u32> = HashMap::new();
-    let legs = survey.legs.iter();
-    legs.map(|leg| match leg.strip.as_deref() {
-        Some(name) => *named.entry(name).or_insert(leg.number),
-        None => leg.number,
-    })
-    .collect()
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::beams::Surroundings;
+    use super::super::cells::Repeats;
     use super::*;
+    use vlscan_geom::{Aabb, DVec3};
+    use vlscan_lidar::pulse::Echo;
 
     #[test]
     fn maps_begin_at_the_south_western_cell() {
@@ -420,7 +289,7 @@ mod tests {
             let position = DVec3::new(x, 5.0, 0.0);
             let echo =
                 Echo { position, return_number: 1, number_of_returns: 1, part: 0, ..Echo::miss(&miss) };
-            cells.add(&[echo], 0, &repeats, &mut |_: &Echo| ITSELF, &scene);
+            cells.add(&[echo], 0, (&repeats, &[[0.0; 2]]), &scene);
         }
         cells.into_sums()
     }

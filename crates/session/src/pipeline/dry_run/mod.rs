@@ -7,7 +7,9 @@
 //! | `area` | the ground that is covered |
 //! | `spacing` | footprint, distance of points along and across |
 //! | `coverage` | densities, strips, gaps, incidence and occlusion in cells |
-//! | `blocks`, `cells` | the periods of the scan pattern that are measured for it; their returns in cells |
+//! | `sampler` | the sample that is measured for it |
+//! | `blocks`, `cells` | the periods of the scan pattern that are measured; their returns in cells |
+//! | `sweeps` | the beams of a period that are measured where they turn steadily |
 //! | `beams` | beams beside those that are measured, and the edge of the scene |
 //!
 //! Points, sizes and time are those of the sample in proportion to the pulses, with twice the standard error
@@ -19,7 +21,9 @@ mod blocks;
 mod cells;
 mod coverage;
 mod sample;
+mod sampler;
 mod spacing;
+mod sweeps;
 mod timeline;
 
 pub use coverage::{CoverageBand, CoverageMap};

@@ -23,6 +23,12 @@ const MAX_RAYS: u64 = 3_000_000;
 const RAYS_PER_TILED_STRATUM: u64 = MAX_RAYS / 16;
 /// Steps of a moving scene that take as long as a ray.
 const MOTION_STEPS_PER_RAY: u64 = 32;
+/// Cost of a pulse in fog, rain, snow or dust, as a number of rays.
+const RAYS_PER_WEATHER_PULSE: u64 = 64;
+/// Part of a stratum that is measured there, but at least so many pulses: weather makes pulses many times as
+/// slow, and the sample of a short flight would take as long as the flight.
+const SHARE_IN_WEATHER: f64 = 0.125;
+const MIN_IN_WEATHER: f64 = 128.0;
 const PULSES_PER_CHUNK: u32 = 1024;
 /// Steps of a moving scene up to which its state is computed.
 const MAX_MOTION_STEPS: u64 = 5_000_000;
@@ -109,7 +115,13 @@ pub fn measure(pass: &Pass<'_>, flight: &FlightPlan, timeline: &Timeline) -> Res
     let ended = run_stages(pass.schedule, pass.control, &pass.output, None, end, make_worker, |feed| {
         // A false point costs about as much as a ray.
         let alarms = pass.physics.instruments().false_alarms().map_or(0.0, |alarms| alarms.per_pulse);
-        let rays_per_pulse = pass.physics.max_rays() as u64 + alarms.ceil() as u64;
+        let has_weather = pass.physics.instruments().has_weather();
+        let of_weather = if has_weather { RAYS_PER_WEATHER_PULSE } else { 0 };
+        let rays_per_pulse = pass.physics.max_rays() as u64 + alarms.ceil() as u64 + of_weather;
+        let interval = match has_weather {
+            true => (SHARE_IN_WEATHER * timeline.interval).max(MIN_IN_WEATHER),
+            false => timeline.interval,
+        };
         let mut rays = 0;
         for stratum in spread(timeline.starts.len()) {
             if rays > 0 && (rays >= MAX_RAYS || feed.state().is_stopped()) {
@@ -121,7 +133,7 @@ pub fn measure(pass: &Pass<'_>, flight: &FlightPlan, timeline: &Timeline) -> Res
             let mut moving = pass.motion.map(|motion| MotionState::after_steps(motion, steps));
             rays += if pass.motion.is_some() { steps / MOTION_STEPS_PER_RAY } else { 0 };
             let mut place = 0;
-            let mut left = timeline.interval.clamp(1.0, MAX_STRATUM_PULSES as f64) as u32;
+            let mut left = interval.clamp(1.0, MAX_STRATUM_PULSES as f64) as u32;
             while left > 0 {
                 let size = left.min(PULSES_PER_CHUNK);
                 let taken = Chunk::take(flight, &mut state, moving.as_ref(), size)?;
