@@ -140,7 +140,7 @@ pub fn normal_equations(
     angle: f64,
 ) -> Normal {
     let prepared = Prepared::of(model);
-    let shifted: Vec<Model> = (0..steps.len()).map(|k| shifted(model, steps, k)).collect();
+    let shifted: Vec<Model> = shifted(model, steps);
     let shifted: Vec<Prepared> = shifted.iter().map(Prepared::of).collect();
     let derivatives = Derivatives {
         recording,
@@ -157,13 +157,6 @@ pub fn normal_equations(
     let mut normal = Normal::new(steps.len());
     blocks.into_iter().for_each(|block| normal.append(block));
     normal
-}
-
-/// The model after the step of one parameter alone.
-fn shifted(model: &Model, steps: &[f64], parameter: usize) -> Model {
-    let step: Vec<f64> =
-        steps.iter().enumerate().map(|(k, step)| if k == parameter { *step } else { 0.0 }).collect();
-    moved(model, &step)
 }
 
 impl Normal {
