@@ -15,6 +15,8 @@ const MAX_PARTIAL: f64 = 0.02;
 /// missing because they meet nothing.
 const SLANT: f64 = 75.0;
 const MAX_SLANTED: f64 = 0.01;
+/// Relative standard deviation of the speed by unseen changes of the pitch above which it is doubtful.
+const MAX_SPEED_DEVIATION: f64 = 0.01;
 /// ASPRS class of ground.
 const GROUND: u8 = 2;
 
@@ -82,6 +84,18 @@ impl FlightFit {
         };
         let reason = self.rate.coarse_step.map(coarse).or_else(|| self.miss());
         reason.map(|reason| format!("doubtful: {reason}"))
+    }
+
+    /// The reason why the speed may be wrong.
+    pub(super) fn doubt_of_speed(&self) -> Option<String> {
+        let share = self.speed_by_pitch / self.solution.model.speed();
+        (share > MAX_SPEED_DEVIATION).then(|| {
+            format!(
+                "the speed is known to {:.0} % only: over ground as flat as this, a pitch that changes \
+                 steadily moves the points of these scan lines as another speed does",
+                100.0 * share
+            )
+        })
     }
 
     /// True if the file has the share of lost pulses, at least as a comment. A small and uncertain share,

@@ -19,6 +19,7 @@
 //! | `rate`, `repeat` | when pulses leave: by the place of the mirror, and patterns that repeat |
 //! | `clock` | the pulses of thinned clouds |
 //! | `ground` | noise of ranges |
+//! | `trend` | changes of the pitch that look like another speed |
 //! | `doubts` | estimates that are not plausible, which are left out |
 //! | `error` | reasons why no flight is fitted |
 //! | `report`, `write`, `pipeline` | figures with uncertainties; written files; text of the pipeline file |
@@ -52,6 +53,7 @@ mod straight;
 mod sweeps;
 #[cfg(test)]
 mod tests;
+mod trend;
 mod turning;
 mod write;
 
@@ -107,6 +109,8 @@ pub struct FlightFit {
     pub rate: PulseRate,
     /// Standard deviation of ranges, with the roughness of the ground.
     pub noise: Option<RangeScatter>,
+    /// Standard deviation of the speed by steady changes of the pitch that the points do not show, m/s.
+    pub speed_by_pitch: f64,
     /// Time by which the written flight is extended after the recording, s: straight on, with the last
     /// attitude.
     pub extend: f64,
@@ -148,8 +152,9 @@ pub fn fit_flight(path: &Path, request: &FlightRequest, found: &mut Diagnostics)
         return Err(no_flight(path, &recording, FlightError::Unexplained(vec![misfit])));
     }
     let noise = ground::range_noise(&recording, &solution);
-    let fit =
-        FlightFit { cloud: path.to_path_buf(), recording, solution, rate, noise, extend: request.extend };
+    let speed_by_pitch = trend::speed_deviation(&recording, &solution);
+    let (cloud, extend) = (path.to_path_buf(), request.extend);
+    let fit = FlightFit { cloud, recording, solution, rate, noise, speed_by_pitch, extend };
     fit.warn_of_fit(found);
     fit.warn_of_rate(found);
     fit.warn_of_doubts(found);
@@ -226,6 +231,10 @@ impl FlightFit {
                 100.0 * share
             );
             found.warn(Some(Place::of_file(&self.cloud)), message).help("fit a wider part of the swath");
+        }
+        if let Some(message) = self.doubt_of_speed() {
+            let help = "fit a line over relief, houses or trees, or replace the trajectory by a measured one";
+            found.warn(Some(Place::of_file(&self.cloud)), message).help(help);
         }
         if let Some(message) = self.doubt_of_sweeps() {
             found.warn(Some(Place::of_file(&self.cloud)), message).help("fit a wider part of the swath");

@@ -100,7 +100,8 @@ impl FlightFit {
     pub(super) fn pipeline(&self, files: &FlightFiles, command: &str) -> String {
         let mut document = Document::default();
         self.add_head(&mut document, files, command);
-        document.table("[trajectory]", [Row::path("path", &files.trajectory)]);
+        let comment = self.doubt_of_speed().map(|reason| format!("doubtful: {reason}"));
+        document.table("[trajectory]", [Row { comment, ..Row::path("path", &files.trajectory) }]);
         document.table("[platform]", self.platform_rows());
         document.table("[scanner]", self.scanner_rows(files));
         let model = &self.solution.model;

@@ -81,7 +81,7 @@ impl FlightFit {
         let solution = &self.solution;
         let (p, d) = (&solution.model.parameters, &solution.deviations);
         let (speed, of_speed) = (solution.model.speed(), hypot(d.velocity.x, d.velocity.y));
-        figures.add("speed", speed, Some(of_speed), "m/s");
+        figures.add("speed", speed, Some(hypot(of_speed, self.speed_by_pitch)), "m/s");
         let course = degrees(solution.model.course()).rem_euclid(360.0);
         figures.add("course", course, Some(degrees(of_speed / speed)), "deg");
         let above = self.height_above_points();

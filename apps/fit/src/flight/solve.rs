@@ -19,7 +19,7 @@ const LEAST_DAMPING: f64 = 1e-14;
 /// Maximum number of steps during which scan angles keep the resolution of their file.
 const STRICT_STEPS: usize = 30;
 /// Standard deviation of attitudes of single lines, rad.
-const ATTITUDE: f64 = 0.02;
+pub const ATTITUDE: f64 = 0.02;
 
 /// Standard deviations of the parameters around 0 before the fit; infinite where nothing is known.
 fn priors(model: &Model) -> Parameters {

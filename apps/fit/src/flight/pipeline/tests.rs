@@ -101,7 +101,7 @@ fn fitted(mirror: Mirror, change: impl Fn(&mut Parameters)) -> FlightFit {
     };
     let rate = PulseRate::of(&recording, &solution);
     let cloud = PathBuf::from("line.laz");
-    FlightFit { cloud, recording, solution, rate, noise: None, extend: 0.0 }
+    FlightFit { cloud, recording, solution, rate, noise: None, speed_by_pitch: 0.0, extend: 0.0 }
 }
 
 #[test]
@@ -161,6 +161,18 @@ fn a_flight_that_misses_its_points_has_no_live_key_that_depends_on_beams() {
     let (text, _) = text_of(&fit);
     let reason = "# doubtful: GPS times have steps of 2.500 µs, too coarse for the intervals of pulses\n";
     assert!(text.contains(&format!("{reason}pulse_freq_hz = ")), "{text}");
+}
+
+#[test]
+fn a_speed_that_the_points_do_not_show_is_uncertain_with_the_reason() {
+    let mut fit = fitted(Mirror::Polygon, |_| {});
+    let of_speed = |fit: &FlightFit| fit.figures()[0].deviation.unwrap();
+    let (text, known) = (text_of(&fit).0, of_speed(&fit));
+    assert!(text.contains("[trajectory]\npath = ") && known < 0.1, "{known} {text}");
+    fit.speed_by_pitch = 1.2;
+    let (text, _) = text_of(&fit);
+    let comment = "[trajectory]\n# doubtful: the speed is known to 3 % only: over ground as flat as this";
+    assert!(text.contains(comment) && (of_speed(&fit) / 1.2 - 1.0).abs() < 0.01, "{text}");
 }
 
 #[test]
