@@ -1,4 +1,4 @@
-//! How well the points tell the speed from a pitch that changes steadily.
+//! How well the points separate the speed from a pitch that changes steadily.
 //!
 //! A pitch that grows by ε per second moves a point at the time t, h below the platform, by
 //! ε·t·(h·x·y, h·(1 + y²)) to the right and forward, where x and y are the tangents of its beam in these
@@ -150,7 +150,7 @@ mod tests {
     }
 
     #[test]
-    fn flat_ground_does_not_tell_a_trend_of_the_pitch_from_the_speed() {
+    fn flat_ground_does_not_separate_the_speed_from_a_trend_of_the_pitch() {
         // 500 m times √12 · 0.02 rad in 2 s.
         let flat = deviation(Mirror::Polygon, 50.0, |_| 7.0);
         assert!((flat / (493.0 * 12f64.sqrt() * 0.01) - 1.0).abs() < 0.01, "{flat}");
@@ -159,7 +159,7 @@ mod tests {
     }
 
     #[test]
-    fn relief_and_cones_tell_a_trend_of_the_pitch_from_the_speed() {
+    fn relief_and_cones_separate_the_speed_from_a_trend_of_the_pitch() {
         let hills = deviation(Mirror::Polygon, 50.0, |x| 5.0 * sin(0.03 * x));
         assert!(hills < 0.3, "{hills}");
         let cone = deviation(Mirror::Cone, 20.0, |_| 0.0);

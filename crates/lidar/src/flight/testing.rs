@@ -3,6 +3,7 @@
 use super::{FlightOptions, FlightPlan, FlightSink, FlightState, PoseSample, Pulse, Step};
 pub use crate::platform::testing::MULTICOPTER;
 use crate::scanner::testing::{device, settings};
+use std::path::PathBuf;
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
 use vlscan_geom::{DVec3, Rotation, radians};
@@ -49,15 +50,9 @@ pub fn straight() -> Deflector {
     Deflector::Risley { prisms: Vec::new(), air: 1.0, incident: DVec3::Y }
 }
 
-/// A platform that follows recorded poses at 100, 101, 102 and 104 s: 10 m to the east per second, yaws 0,
-/// 10, 30 and 350 degrees, the first one changed to `first_yaw`.
-pub fn recorded(first_yaw: f64, sync_gps_time: bool, legs: Vec<Leg>) -> (Survey, tempfile::TempDir) {
-    let dir = tempfile::tempdir().unwrap();
-    let path = dir.path().join("flight.txt");
-    let rows = [(100, 0, first_yaw), (101, 10, 10.0), (102, 20, 30.0), (104, 40, 350.0)];
-    let rows = rows.map(|(t, x, yaw)| format!("{t}, 0, 0, {yaw}, {x}, 0, 0\n")).concat();
-    std::fs::write(&path, format!("#TIME_COLUMN: 0\n{rows}")).unwrap();
-    let kind = PlatformKind::Interpolated(Interpolated {
+/// A platform that follows the poses of a file.
+pub fn following(path: PathBuf, sync_gps_time: bool) -> PlatformKind {
+    PlatformKind::Interpolated(Interpolated {
         rotation_spec: RotationSpec::Arinc705,
         position_only: false,
         degrees: true,
@@ -70,8 +65,18 @@ pub fn recorded(first_yaw: f64, sync_gps_time: bool, legs: Vec<Leg>) -> (Survey,
             separator: None,
             slope_filter: 0.0,
         }],
-    });
-    (survey(kind, Mount::IDENTITY, Deflector::Fibres { count: 1 }, legs), dir)
+    })
+}
+
+/// A platform that follows recorded poses at 100, 101, 102 and 104 s: 10 m to the east per second, yaws 0,
+/// 10, 30 and 350 degrees, the first one changed to `first_yaw`.
+pub fn recorded(first_yaw: f64, sync_gps_time: bool, legs: Vec<Leg>) -> (Survey, tempfile::TempDir) {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("flight.txt");
+    let rows = [(100, 0, first_yaw), (101, 10, 10.0), (102, 20, 30.0), (104, 40, 350.0)];
+    let rows = rows.map(|(t, x, yaw)| format!("{t}, 0, 0, {yaw}, {x}, 0, 0\n")).concat();
+    std::fs::write(&path, format!("#TIME_COLUMN: 0\n{rows}")).unwrap();
+    (survey(following(path, sync_gps_time), Mount::IDENTITY, Deflector::Fibres { count: 1 }, legs), dir)
 }
 
 pub fn recorded_leg(start: f64, end: f64, teleport: bool) -> Leg {

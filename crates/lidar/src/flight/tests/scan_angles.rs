@@ -68,21 +68,8 @@ fn recorded_nadir(roll: f64, heading: f64, speed: f64) -> f64 {
     let path = dir.path().join("flight.txt");
     let row = |t: f64| format!("{t}, {roll}, 0, {heading}, {}, 0, 100\n", speed * t);
     std::fs::write(&path, format!("#TIME_COLUMN: 0\n{}{}", row(0.0), row(10.0))).unwrap();
-    let kind = PlatformKind::Interpolated(Interpolated {
-        rotation_spec: RotationSpec::Arinc705,
-        position_only: false,
-        degrees: true,
-        sync_gps_time: false,
-        grid: ProjectionGrid::FirstFix,
-        files: vec![TrajectoryFile {
-            path,
-            content: None,
-            columns: None,
-            separator: None,
-            slope_filter: 0.0,
-        }],
-    });
-    let s = survey(kind, looking_down(0.0), straight(), vec![recorded_leg(0.0, 1.0, false)]);
+    let s =
+        survey(following(path, false), looking_down(0.0), straight(), vec![recorded_leg(0.0, 1.0, false)]);
     degrees(fly_as(&s, RECORDED)[0].pulses[3].scan_angle)
 }
 
