@@ -197,8 +197,8 @@ pub(super) fn is_own(keyword: &str) -> bool {
     OWN_PREFIXES.iter().any(|prefix| lower.starts_with(prefix))
 }
 
-/// The end of a warning of a keyword, which begins with it, if it has a prefix of laser scanners and no
-/// meaning in material files and extras of glTF; `None` for other ones, such as those for rendering.
+/// The warning of a keyword with a prefix of laser scanners that is unknown in material files and extras of
+/// glTF, from the keyword on. `None` for known keywords, and for others, such as those for rendering.
 pub(super) fn unknown_keyword(keyword: &str) -> Option<String> {
     if !is_own(keyword) || is_known(keyword.as_bytes()) || WITHOUT_EFFECT.contains(&keyword) {
         return None;

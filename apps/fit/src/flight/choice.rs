@@ -153,8 +153,9 @@ impl Choice {
         Choice { candidates: trials, failures, is_doubtful, has_angles }
     }
 
-    /// The candidate that is solved first: the best one that meets successive sections, of each kind of
-    /// mirror one; `None` if all miss them. Where no trial explains the points, the best one.
+    /// The candidate that is solved first: the best one that meets successive sections; `None` if all miss
+    /// them. Only the best one of each kind of mirror is checked, since a check takes long. Where no trial
+    /// explains the points, the best one.
     pub fn first(&self, recording: &Recording) -> Option<&Solution> {
         if self.is_doubtful {
             return self.candidates.first();

@@ -161,7 +161,7 @@ impl<T: Stored> Column<T> {
     pub fn extend(&mut self, values: impl Iterator<Item = T>) {
         let mut values = values.peekable();
         while values.peek().is_some() {
-            // One by one where a part is full, and as many as have room beyond.
+            // This one starts a part if the last is full; then as many follow as have room in it.
             values.next().into_iter().for_each(|value| self.push(value));
             let room = match self.is_kept {
                 true => usize::MAX,
