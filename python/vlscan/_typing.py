@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from typing import Any, Protocol, TypeAlias, runtime_checkable
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 PathLike: TypeAlias = str | os.PathLike[str]
 
 #: Three numbers.
-Vector: TypeAlias = Sequence[float] | NDArray[np.floating[Any]]
+Vector: TypeAlias = Sequence[float] | NDArray[np.floating[Any]] | NDArray[np.integer[Any]]
 
 
 @runtime_checkable
@@ -32,6 +32,24 @@ class ArrowStream(Protocol):
 
 #: A table: of any library that speaks Arrow, or arrays by the names of their columns.
 TableLike: TypeAlias = ArrowStream | Mapping[str, Any]
+
+
+if TYPE_CHECKING:
+
+    class ColumnArray(np.ndarray[tuple[int], np.dtype[Any]]):
+        """A column of a table. NumPy declares no type of ``==``, which makes a mask of rows here."""
+
+        def __eq__(self, other: object, /) -> NDArray[np.bool_]: ...  # type: ignore[override]
+        def __ne__(self, other: object, /) -> NDArray[np.bool_]: ...  # type: ignore[override]
+
+else:
+    ColumnArray = np.ndarray
+
+
+class Displayed(Protocol):
+    """What a notebook displays, such as ``IPython.display.HTML``."""
+
+    def _repr_html_(self) -> object: ...
 
 
 class MeshWithFaces(Protocol):

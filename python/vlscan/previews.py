@@ -3,20 +3,15 @@
 from __future__ import annotations
 
 import os
-from typing import TYPE_CHECKING
 
 from . import _vlscan
 from ._notebook import show_page
-from ._typing import PathLike
+from ._typing import Displayed, PathLike
 from ._values import renamed
 from .parts import Part
 from .points import Points
 from .scene import Scene
 from .survey import Survey
-
-if TYPE_CHECKING:
-    from IPython.display import HTML
-
 
 # Points on the surfaces of a scene that are drawn at most.
 _SCENE_POINTS = 200_000
@@ -35,7 +30,7 @@ def preview(
     height: int = 1000,
     max_points: int = 5_000_000,
     force: bool = False,
-) -> HTML | None:
+) -> Displayed | None:
     """Draw points, a survey over its scene, or the waveform of a pulse, as ``vlscan preview`` does.
 
     Parameters

@@ -16,7 +16,7 @@ from . import _toml, _vlscan
 from ._conversions import unmasked
 from ._libraries import refuse_existing
 from ._notebook import picture_html, show_page
-from ._typing import PathLike, SceneFacts
+from ._typing import Displayed, PathLike, SceneFacts
 from ._values import values_of
 from .instruments import Scanner
 from .parts import Part, parts_of
@@ -26,7 +26,6 @@ from .points import Points
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from IPython.display import HTML
     from typing_extensions import Unpack
 
     from ._options import RunOptions
@@ -393,7 +392,7 @@ class Scene:
             raise RuntimeError("the scene was unloaded by another thread")
         return Points(table)
 
-    def show(self, colour: str = "height", max_points: int = 200_000) -> HTML | None:
+    def show(self, colour: str = "height", max_points: int = 200_000) -> Displayed | None:
         """Show the scene as points on its surfaces: in a notebook as a view to turn around, otherwise in the browser.
 
         Parameters

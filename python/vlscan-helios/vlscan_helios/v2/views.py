@@ -118,6 +118,11 @@ class PlatformSettings(Settings):
         **{"movePerSec": "speed_m_s", "speed": "speed_m_s"},
     }
 
+    if TYPE_CHECKING:
+        x: float
+        y: float
+        z: float
+
     @property
     def position(self) -> tuple[float, float, float]:
         """The place, m."""

@@ -30,7 +30,9 @@ class LegSource:
     """
 
     def __init__(self, element: Element, as_read: Leg, templates: Mapping[str, Template]) -> None:
-        self.element, self.as_read, self.templates = element, as_read, templates
+        self.element: Element = element
+        self.as_read: Leg = as_read
+        self.templates: Mapping[str, Template] = templates
 
     def __deepcopy__(self, memo: object) -> LegSource:
         return self

@@ -22,7 +22,9 @@ if TYPE_CHECKING:
     from .scene import StaticScene
 
 #: A row of a trajectory: time (s), angles, position (m).
-traj_csv_dtype = np.dtype([("t", "f8"), ("roll", "f8"), ("pitch", "f8"), ("yaw", "f8"), ("x", "f8"), ("y", "f8"), ("z", "f8")])
+traj_csv_dtype: np.dtype[np.void] = np.dtype(
+    [("t", "f8"), ("roll", "f8"), ("pitch", "f8"), ("yaw", "f8"), ("x", "f8"), ("y", "f8"), ("z", "f8")]
+)
 
 _ANGLES = ("roll", "pitch", "yaw")
 

@@ -50,7 +50,7 @@ else:
 
 
 #: A point, packed.
-meas_dtype = np.dtype(
+meas_dtype: np.dtype[np.void] = np.dtype(
     [
         ("channel_id", "<u8"),
         ("hit_object_id", "<i4"),
@@ -70,7 +70,9 @@ meas_dtype = np.dtype(
 )
 
 #: A pose: time (s), position (m), angles (rad).
-traj_dtype = np.dtype([("gps_time", "<f8"), ("position", "<f8", (3,)), ("roll", "<f8"), ("pitch", "<f8"), ("yaw", "<f8")])
+traj_dtype: np.dtype[np.void] = np.dtype(
+    [("gps_time", "<f8"), ("position", "<f8", (3,)), ("roll", "<f8"), ("pitch", "<f8"), ("yaw", "<f8")]
+)
 
 _asset_directories: list[Path] = []
 _seed: list[int | float | str] = []
