@@ -25,7 +25,7 @@ def columns_of(table: TableLike | ArrayLike, names: tuple[str, ...], keep_types:
     names : tuple of str
         Names of the columns of an array without names.
     keep_types : bool
-        Whether columns keep their types; otherwise they become doubles.
+        True if columns keep their types; otherwise they become doubles.
 
     Returns
     -------

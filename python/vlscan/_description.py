@@ -1,4 +1,4 @@
-"""What surveys are, and the requests to the engine that they become: objects, files and documents in memory."""
+"""Surveys as objects, files and documents in memory, and the requests to the engine that they become."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What notebooks show."""
+"""Pictures and pages for notebooks."""
 
 from __future__ import annotations
 

@@ -18,14 +18,14 @@ Vector: TypeAlias = Sequence[float] | NDArray[np.floating[Any]] | NDArray[np.int
 
 @runtime_checkable
 class ArrowArray(Protocol):
-    """What exports an array by the Arrow C data interface."""
+    """An object that exports an array by the Arrow C data interface."""
 
     def __arrow_c_array__(self, requested_schema: object | None = None) -> tuple[object, object]: ...
 
 
 @runtime_checkable
 class ArrowStream(Protocol):
-    """What exports a table by the Arrow C stream interface, as tables of pyarrow, polars, pandas and DuckDB do."""
+    """An object that exports a table by the Arrow C stream interface, as tables of pyarrow, polars, pandas and DuckDB do."""
 
     def __arrow_c_stream__(self, requested_schema: object | None = None) -> object: ...
 
@@ -47,7 +47,7 @@ else:
 
 
 class Displayed(Protocol):
-    """What a notebook displays, such as ``IPython.display.HTML``."""
+    """An object that notebooks display, such as ``IPython.display.HTML``."""
 
     def _repr_html_(self) -> object: ...
 

@@ -95,7 +95,7 @@ def recorded(
     to : str, path-like or iterable of them, optional
         The files of points.
     waveforms, pulses : bool, optional
-        Whether they are recorded, too.
+        True if they are recorded, too.
     options : mapping
         Other options.
     call : callable

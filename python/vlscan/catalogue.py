@@ -21,13 +21,13 @@ class Option(NamedTuple):
     Attributes
     ----------
     help : str
-        What it does.
+        Effect of the option.
     has_value : bool
-        Whether it takes a value; otherwise it is ``True`` or ``False``.
+        True if it takes a value; otherwise it is ``True`` or ``False``.
     is_list : bool
-        Whether a list gives it more than once.
+        True if a list gives it more than once.
     is_of_files : bool
-        Whether it says how files of points are written, so that a run to memory refuses it.
+        True if it says how files of points are written; a run to memory refuses it.
     """
 
     help: str
@@ -44,7 +44,7 @@ class Column(NamedTuple):
     unit : str
         Unit; empty for plain numbers.
     description : str
-        What the values are.
+        Meaning of the values.
     """
 
     unit: str
@@ -52,7 +52,7 @@ class Column(NamedTuple):
 
 
 class Spectrum(NamedTuple):
-    """What a surface reflects and transmits by wavelength.
+    """Reflectance and transmittance of a surface by wavelength.
 
     Parameters
     ----------
@@ -303,7 +303,7 @@ class ScannerFigures:
 
     @property
     def sources(self) -> dict[str, str]:
-        """Where the figures come from, by the names of attributes in XML."""
+        """Sources of the figures, by the names of attributes in XML."""
         text, _ = _vlscan.scanner_figures(self.reference)
         sources: dict[str, str] = json.loads(text)["sources"]
         return sources
@@ -358,7 +358,7 @@ def all_scanner_figures(text: str = "") -> list[ScannerFigures]:
     Parameters
     ----------
     text : str
-        What the reference or the name contains.
+        Text that the reference or the name contains.
 
     Returns
     -------

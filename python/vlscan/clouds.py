@@ -1,4 +1,4 @@
-"""What point clouds are, their rasters, and their frames as data sets of driving."""
+"""Facts about point clouds, their rasters, and their frames as data sets of driving."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 class CloudInfo(Mapping[str, Any]):
-    """What a point cloud is: a mapping with the keys of ``vlscan info --json``.
+    """Facts about a point cloud: a mapping with the keys of ``vlscan info --json``.
 
     Parameters
     ----------
@@ -186,7 +186,7 @@ def raster(
     crs : str, optional
         Coordinate reference system of clouds that name none: ``EPSG:25832``, WKT, or a file with either.
     force : bool
-        Whether files that exist are replaced.
+        If set, existing files are replaced.
 
     Returns
     -------
@@ -225,7 +225,7 @@ def raster(
 
 
 class FrameCounts(NamedTuple):
-    """What :func:`write_frames` has written.
+    """Counts of :func:`write_frames`.
 
     Parameters
     ----------

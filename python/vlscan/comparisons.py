@@ -33,7 +33,7 @@ class ChangeMap:
     detection : numpy.ndarray
         Level of detection at 95 %, m.
     is_changed : numpy.ndarray
-        Whether the difference is beyond it, and that of at least two neighbours.
+        True if the difference is beyond it, and that of at least two neighbours.
     side_m : float
         Side of a cell, m.
     corner : tuple of float
@@ -66,7 +66,7 @@ class ChangeMap:
 
 
 class Comparison(Mapping[str, Any]):
-    """What two point clouds have in common, and what not: a mapping with the keys of ``vlscan compare --json``.
+    """Similarities and differences of two point clouds: a mapping with the keys of ``vlscan compare --json``.
 
     Parameters
     ----------
@@ -144,7 +144,7 @@ def compare(
     max_distances : int
         Maximum number of points of each cloud whose distance to the other and height above the terrain are measured.
     chance : bool
-        Whether each figure comes with what chance alone gives: the largest difference between random halves of the first cloud.
+        True if each figure comes with what chance alone gives: the largest difference between random halves of the first cloud.
     terrain : str or path-like, optional
         A raster or mesh that heights and residuals refer to; by default the ground points of the first cloud.
     registration : float, optional
@@ -157,12 +157,12 @@ def compare(
     changed : str or path-like, optional
         A cloud to write of the points that are new (class 64) or gone (class 65).
     force : bool
-        Whether files that exist are replaced.
+        If set, existing files are replaced.
 
     Returns
     -------
     Comparison
-        What ``vlscan compare --json`` writes, and the map of change.
+        The figures of ``vlscan compare --json``, and the map of change.
 
     Raises
     ------

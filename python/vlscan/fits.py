@@ -108,7 +108,7 @@ def fit_sensor(
     Returns
     -------
     dict
-        What was estimated, as ``vlscan fit --json`` writes it.
+        The estimates, as ``vlscan fit --json`` writes them.
 
     Raises
     ------
@@ -138,7 +138,7 @@ class Reconstruction(Mapping[str, Any]):
     Parameters
     ----------
     report : dict
-        What was estimated.
+        The estimates.
     folder : Path
         The folder of the scene.
 
@@ -196,12 +196,12 @@ def reconstruct(
     divergence : float
         Divergence of the beam that recorded the cloud, full angle at 1/e² of the intensity, rad.
     force : bool
-        Whether files that exist are replaced.
+        If set, existing files are replaced.
 
     Returns
     -------
     Reconstruction
-        What was estimated, and the scene.
+        The estimates, and the scene.
 
     Raises
     ------

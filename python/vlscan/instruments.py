@@ -97,7 +97,7 @@ class Scanner(Checked):
 
 
 class Platform(Checked):
-    """What carries the scanner.
+    """The carrier of a scanner.
 
     Parameters
     ----------

@@ -24,7 +24,7 @@ class FlownPart(NamedTuple):
     Attributes
     ----------
     start_s, end_s : float or None
-        Where it starts and ends, s in the time of the trajectory; ``None`` is where the trajectory does.
+        Start and end, s in the time of the trajectory; ``None`` stands for those of the trajectory.
     teleport : bool
         True if the platform jumps to the start instead of travelling there.
     """
@@ -57,11 +57,11 @@ class Leg(Checked):
     position : sequence of float
         x, y, z, world frame, m.
     on_ground : bool
-        Whether z is taken from the ground.
+        True if z is taken from the ground.
     speed_m_per_s : float, optional
         Speed on the way to the next leg.
     active : bool
-        Whether the scanner fires.
+        True if the scanner fires.
     strip : str, optional
         Name of a strip; legs of the same strip share their files.
     **settings : LegSettings

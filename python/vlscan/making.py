@@ -73,7 +73,7 @@ def make_scene(
     Parameters
     ----------
     kind : {"forest", "terrain", "room"}
-        What is made.
+        Kind of the scene.
     folder : str or path-like
         The folder that gets the files.
     triangles : int
@@ -85,13 +85,13 @@ def make_scene(
     pulses : int, optional
         About how many pulses the survey has.
     separate_trees : bool
-        Whether every tree of a forest is a part, so that points have the number of their tree.
+        True if every tree of a forest is a part, so that points have the number of their tree.
     models, copies : int, optional
         Number of different trees of a forest, and how often each is placed.
     voxels : int, optional
         Number of opaque voxels that are added to the crowns of a forest.
     force : bool
-        Whether files that exist are replaced.
+        If set, existing files are replaced.
 
     Returns
     -------
@@ -230,7 +230,7 @@ def make_stand(
     growth, thinning, storm : float
         Growth, trees felled, and trees thrown by a storm from epoch to epoch, percent.
     force : bool
-        Whether files that exist are replaced.
+        If set, existing files are replaced.
 
     Returns
     -------
@@ -304,7 +304,7 @@ def unzip(path: PathLike, to: PathLike, *, force: bool = False) -> int:
     to : str or path-like
         The file to write.
     force : bool
-        Whether a file that exists is replaced.
+        If set, an existing file is replaced.
 
     Returns
     -------

@@ -209,9 +209,9 @@ class Points(Table):
         crs : str, optional
             Coordinate reference system: a code such as ``EPSG:25832``, or WKT.
         labels : bool, optional
-            Whether LAS and PLY have part, primitive and true range.
+            True if LAS and PLY have part, primitive and true range.
         las10 : bool, optional
-            Whether LAS has version 1.0.
+            True if LAS has version 1.0.
         las_scale : float, optional
             Scale of LAS, m.
         las_extra : str, optional
@@ -221,7 +221,7 @@ class Points(Table):
         frame_s : float, optional
             Duration of the frames of MCAP, s.
         force : bool
-            Whether a file that exists is replaced.
+            If set, an existing file is replaced.
 
         Raises
         ------
@@ -501,7 +501,7 @@ class Points(Table):
         width, height : int
             Size of a picture, pixels.
         force : bool
-            Whether a file that exists is replaced.
+            If set, an existing file is replaced.
 
         Raises
         ------

@@ -48,13 +48,13 @@ def preview(
     title : str, optional
         A title; the name of the file by default.
     light : bool
-        Whether it is dark on white, for print.
+        True for a dark drawing on white, for print.
     width, height : int
         Size of a picture, pixels.
     max_points : int
         Maximum number of points in a page, evenly sampled.
     force : bool
-        Whether a file that exists is replaced.
+        If set, an existing file is replaced.
 
     Returns
     -------

@@ -83,7 +83,7 @@ class SceneGeometry(NamedTuple):
 
 
 class Scene:
-    """What is scanned.
+    """The geometry that is scanned.
 
     The scene and the tree over it are loaded by the first run, or by :meth:`load`, and shared by all later ones. Scenes pickle
     without what is loaded: a process that gets one loads it again.
@@ -203,7 +203,7 @@ class Scene:
 
     @property
     def is_loaded(self) -> bool:
-        """Whether scene and tree are in memory."""
+        """True if scene and tree are in memory."""
         return self._scene.is_loaded
 
     def _facts(self) -> SceneFacts:

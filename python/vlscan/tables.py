@@ -174,7 +174,7 @@ class Table:
 
     @property
     def descriptions(self) -> dict[str, str]:
-        """What the columns mean."""
+        """Meanings of the columns, by name."""
         return self._table.descriptions
 
     @property

@@ -137,7 +137,7 @@ class Records(Sequence[_R]):
 
 
 class Output:
-    """What a simulation has measured and written.
+    """Results and files of a simulation.
 
     Also a sequence of ``measurements``, ``trajectories``, ``filepath``, ``filepaths``, and whether these are complete.
 

@@ -1,4 +1,4 @@
-"""Legs: where they begin, and what the scanner does."""
+"""Legs: their start, and the settings of the scanner."""
 
 from __future__ import annotations
 
@@ -39,14 +39,14 @@ class LegSource:
 
 
 class Leg(Model):
-    """A leg: where it begins, and what the scanner does.
+    """A leg: its start, and the settings of the scanner.
 
     Parameters
     ----------
     scanner_settings : ScannerSettingsBase
-        What the scanner does.
+        Settings of the scanner.
     platform_settings : PlatformSettingsBase
-        Where it begins.
+        Start of the leg.
     trajectory_settings : TrajectorySettings, optional
         The part of a trajectory that is flown.
     """

@@ -265,11 +265,11 @@ class ScenePart(Model):
         sparse : bool
             Without effect: only voxels with points are stored.
         estimate_normals : bool
-            Whether normals are those of a plane through the points of each voxel.
+            True if normals are those of a plane through the points of each voxel.
         normals_file_columns, rgb_file_columns : sequence of int
             Columns of the normal and of the colour, from 0, where the file has so many.
         snap_neighbor_normal : bool
-            Whether a voxel has the normal of the point nearest to its centre.
+            True if a voxel has the normal of the point nearest to its centre.
 
         Returns
         -------
@@ -355,7 +355,7 @@ class ScenePart(Model):
         intersection_argument : float, optional
             Exponent of the density by which cubes are scaled, 0.5 by default.
         random_shift : bool
-            Whether scaled cubes are moved within their cells.
+            True if scaled cubes are moved within their cells.
         ladlut_path : str or path-like, optional
             A table of leaf angles.
 
@@ -695,7 +695,7 @@ class ScenePart(Model):
                 _ = self.bbox
         except HeliosException as error:
             problems = error.problems if isinstance(error, InputError) else []
-            if all(problem.kind != "out_of_bounds" for problem in problems):
+            if all(problem.kind != "missing_entry" for problem in problems):
                 return
             self._updates.pop()
             raise _FaceIndexError(str(error).removeprefix("error: ")) from None
@@ -735,7 +735,7 @@ class ScenePart(Model):
 
     @property
     def is_of_file(self) -> bool:
-        """Whether it is a part of a scene file."""
+        """True if it is a part of a scene file."""
         return self._is_of_file
 
     def known_part(self) -> Part:

@@ -192,7 +192,7 @@ def find_file(filename: str | os.PathLike[str], fatal: bool = True) -> Path | No
     filename : str or path-like
         The name.
     fatal : bool
-        Whether a missing file is an error.
+        True if a missing file is an error.
 
     Returns
     -------
@@ -246,7 +246,7 @@ def find_files(filename: str | os.PathLike[str], fatal: bool = True) -> list[Pat
     filename : str or path-like
         A name or a pattern (``trees/*.obj``).
     fatal : bool
-        Whether it is an error that nothing matches.
+        True if no match is an error.
 
     Returns
     -------
@@ -314,7 +314,7 @@ def is_real_iterable(value: object) -> bool:
     Returns
     -------
     bool
-        Whether it is.
+        True if it is.
     """
     if isinstance(value, (str, bytes, Mapping)) or hasattr(type(value), "model_fields"):
         return False
@@ -473,7 +473,7 @@ def is_finalized(obj: object) -> bool:
     Returns
     -------
     bool
-        Whether it is.
+        True if it is.
     """
     return bool(getattr(obj, "is_loaded", False))
 
@@ -489,7 +489,7 @@ def is_xml_loaded(obj: object) -> bool:
     Returns
     -------
     bool
-        Whether it was.
+        True if it was.
     """
     return bool(getattr(obj, "is_of_file", False))
 

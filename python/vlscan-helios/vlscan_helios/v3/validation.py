@@ -219,7 +219,7 @@ def same(a: object, b: object) -> bool:
     Returns
     -------
     bool
-        Whether they are.
+        True if they are.
     """
     if isinstance(a, np.ndarray) or isinstance(b, np.ndarray):
         return np.array_equal(np.asarray(a), np.asarray(b), equal_nan=True)
@@ -428,7 +428,7 @@ class UpdateableMixin:
         values : mapping
             The values.
         skip_exceptions : bool
-            Whether unknown keywords and invalid values are passed over.
+            True if unknown keywords and invalid values are passed over.
 
         Raises
         ------
@@ -452,7 +452,7 @@ class UpdateableMixin:
         other : Model
             The object.
         skip_exceptions : bool
-            Whether unknown keywords and invalid values are passed over.
+            True if unknown keywords and invalid values are passed over.
 
         Raises
         ------
