@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from difflib import get_close_matches
 from functools import cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from . import _vlscan
 from .errors import InputError
@@ -304,20 +304,22 @@ class ScannerFigures:
     @property
     def sources(self) -> dict[str, str]:
         """Sources of the figures, by the names of attributes in XML."""
-        text, _ = _vlscan.scanner_figures(self.reference)
-        sources: dict[str, str] = json.loads(text)["sources"]
+        sources: dict[str, str] = self._details()["sources"]
         return sources
 
     @property
     def device(self) -> DeviceFigures:
         """Power, optics, ranges and limits of the first device, as surveys in XML use them."""
-        text, _ = _vlscan.scanner_figures(self.reference)
-        return DeviceFigures(**json.loads(text)["device"])
+        return DeviceFigures(**self._details()["device"])
 
     @property
     def pattern_svg(self) -> str:
         """The directions of the beams as a drawing (SVG): one revolution of the head, or 0.1 s if it does not turn."""
         return _vlscan.scanner_figures(self.reference)[1]
+
+    def _details(self) -> dict[str, Any]:
+        details: dict[str, Any] = json.loads(_vlscan.scanner_figures(self.reference)[0])
+        return details
 
     def _repr_html_(self) -> str:
         rows = "".join(f"<tr><td>{name}</td><td>{html.escape(str(value))}</td></tr>" for name, value in asdict(self).items())

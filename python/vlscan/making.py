@@ -154,8 +154,7 @@ class Stand:
         Scene
             The scene.
         """
-        if not 0 <= number < len(self.trees):
-            raise IndexError(f"epoch {number}, and there are {len(self.trees)}")
+        self._check(number)
         return Scene(f"{self.file}#stand_{number}" if len(self.trees) > 1 else self.file, assets=[self.folder])
 
     def labels(self, epoch: int = 0) -> list[dict[str, str]]:
@@ -172,8 +171,7 @@ class Stand:
         list of dict
             The trees.
         """
-        name = "labels.csv" if len(self.trees) == 1 else f"labels_{epoch}.csv"
-        with open(self.folder / name, encoding="utf-8", newline="") as file:
+        with open(self._labels_file(epoch), encoding="utf-8", newline="") as file:
             return list(csv.DictReader(file))
 
     def to_pandas(self, epoch: int = 0) -> pandas.DataFrame:
@@ -189,9 +187,16 @@ class Stand:
         pandas.DataFrame
             A row for each tree.
         """
-        name = "labels.csv" if len(self.trees) == 1 else f"labels_{epoch}.csv"
-        frame: pandas.DataFrame = needed("pandas", "to_pandas()").read_csv(self.folder / name)
+        frame: pandas.DataFrame = needed("pandas", "to_pandas()").read_csv(self._labels_file(epoch))
         return frame
+
+    def _labels_file(self, epoch: int) -> Path:
+        self._check(epoch)
+        return self.folder / ("labels.csv" if len(self.trees) == 1 else f"labels_{epoch}.csv")
+
+    def _check(self, epoch: int) -> None:
+        if not 0 <= epoch < len(self.trees):
+            raise IndexError(f"epoch {epoch}, and there are {len(self.trees)}")
 
 
 def make_stand(

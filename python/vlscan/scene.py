@@ -7,7 +7,7 @@ import json
 import operator
 import os
 from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     from typing_extensions import Unpack
 
     from ._options import RunOptions
+
+Loaded = TypeVar("Loaded")
 
 # A scanner, for loading a scene before any survey is known: its wavelength matters where materials have spectra.
 _DEFAULT_SCANNER = "data/scanners_tls.xml#riegl_vz400"
@@ -208,11 +210,7 @@ class Scene:
 
     def _facts(self) -> SceneFacts:
         facts = self._scene.facts()
-        if facts is None:
-            facts = self.load()._scene.facts()
-        if facts is None:
-            raise RuntimeError("the scene was unloaded by another thread")
-        return facts
+        return _present(self.load()._scene.facts() if facts is None else facts)
 
     @property
     def bounds(self) -> NDArray[np.float64]:
@@ -249,10 +247,7 @@ class Scene:
         (True, True)
         """
         self._facts()
-        text = self._scene.report()
-        if text is None:
-            raise RuntimeError("the scene was unloaded by another thread")
-        facts: dict[str, Any] = json.loads(text)
+        facts: dict[str, Any] = json.loads(_present(self._scene.report()))
         del facts["seconds"]
         return facts
 
@@ -317,9 +312,7 @@ class Scene:
         """
         starts, ways = rays_of(origins, directions)
         self._facts()
-        found = self._scene.cast(starts.astype("<f8").tobytes(), ways.astype("<f8").tobytes())
-        if found is None:
-            raise RuntimeError("the scene was unloaded by another thread")
+        found = _present(self._scene.cast(starts.astype("<f8").tobytes(), ways.astype("<f8").tobytes()))
         distance, part, primitive, normal = (np.asarray(column) for column in found)
         return RayHits(distance, part, primitive, normal.reshape(-1, 3))
 
@@ -354,9 +347,7 @@ class Scene:
         [[3.0, 6.0, 1.333], [-3.0, 6.0, 2.667]]
         """
         self._facts()
-        found = _vlscan.scene_geometry(self._scene, None if part is None else self._index_of(part))
-        if found is None:
-            raise RuntimeError("the scene was unloaded by another thread")
+        found = _present(_vlscan.scene_geometry(self._scene, None if part is None else self._index_of(part)))
         vertices, triangles, centres, edges, primitive, of_part = (np.asarray(column) for column in found)
         return SceneGeometry(vertices.reshape(-1, 3), triangles.reshape(-1, 3), centres.reshape(-1, 3), edges, primitive, of_part)
 
@@ -387,10 +378,7 @@ class Scene:
             The points.
         """
         self._facts()
-        table = self._scene.sample(count)
-        if table is None:
-            raise RuntimeError("the scene was unloaded by another thread")
-        return Points(table)
+        return Points(_present(self._scene.sample(count)))
 
     def show(self, colour: str = "height", max_points: int = 200_000) -> Displayed | None:
         """Show the scene as points on its surfaces: in a notebook as a view to turn around, otherwise in the browser.
@@ -418,6 +406,13 @@ class Scene:
 
     def __repr__(self) -> str:
         return f"<Scene {self._name}>"
+
+
+def _present(value: Loaded | None) -> Loaded:
+    """Return what the engine has of a loaded scene."""
+    if value is None:
+        raise RuntimeError("the scene was unloaded by another thread")
+    return value
 
 
 def rays_of(origins: ArrayLike, directions: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
