@@ -61,16 +61,16 @@ impl Options {
         let output = &self.output;
         let sinks = self.sinks()?;
         let trajectory = match &self.trajectory_out {
-            Some(path) => Some((path, false)),
+            Some(path) => Some(("--trajectory-out", path, false)),
             None => {
                 let mut outputs = self.outputs.iter().filter(|o| o.content == OutputContent::Trajectory);
-                outputs.next().map(|o| (&o.path, o.per_leg))
+                outputs.next().map(|o| ("the trajectory in [[output]]", &o.path, o.per_leg))
             }
         };
-        if let Some((path, _)) = trajectory {
-            check_content("--trajectory-out", path, "CSV")?;
+        if let Some((name, path, _)) = trajectory {
+            check_content(name, path, "CSV")?;
         }
-        let trajectory = trajectory.map(|(path, per_leg)| {
+        let trajectory = trajectory.map(|(_, path, per_leg)| {
             let target = if is_stdout(path) { Target::Stdout } else { Target::File(path.clone()) };
             (if per_leg { with_file_per_leg(target) } else { target }, TrajectoryFormat::Csv)
         });
@@ -236,9 +236,15 @@ mod tests {
             assert!(said(other).contains("the file is CSV, not"), "{other}: {}", said(other));
         }
         assert!(said("-").contains("stdout is for points") && said("/dev/stdout").contains("stdout"));
-        let out = Some(PathBuf::from("way.ply"));
-        let error = Options { trajectory_out: out, ..Options::default() }.output_request((2026, 1));
-        assert!(error.unwrap_err().to_string().contains("--trajectory-out way.ply: the file is CSV"));
+        let way = || PathBuf::from("way.ply");
+        let typed = Options { trajectory_out: Some(way()), ..Options::default() };
+        let content = OutputContent::Trajectory;
+        let output = OutputKeys { path: way(), content, format: None, per_leg: false, helios: false };
+        let of_file = Options { outputs: vec![output], ..Options::default() };
+        for (options, name) in [(typed, "--trajectory-out"), (of_file, "the trajectory in [[output]]")] {
+            let error = options.output_request((2026, 1)).unwrap_err().to_string();
+            assert!(error.contains(&format!("{name} way.ply: the file is CSV, not ply")), "{error}");
+        }
     }
 
     #[test]

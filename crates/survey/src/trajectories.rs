@@ -153,7 +153,9 @@ impl Trajectories {
         (path, content): (PathBuf, Option<Arc<[u8]>>),
     ) -> usize {
         let files = &mut self.platform.files;
-        let Some(known) = files.iter().position(|f| f.path == path) else {
+        // A trajectory in memory may have the path of a file as its name.
+        let is_known = |f: &TrajectoryFile| f.path == path && f.content.is_some() == content.is_some();
+        let Some(known) = files.iter().position(is_known) else {
             if says.slope_filter > 0.0 && !files.is_empty() {
                 let message = "`slopeFilterThreshold` has no effect: it thins the first trajectory file only";
                 context.warn(place_of(leg, "slopeFilterThreshold"), message);

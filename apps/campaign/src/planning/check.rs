@@ -1,6 +1,6 @@
-//! The check of a plan before it is written: its own survey is read as `vlscan run` reads it, a sample of a
-//! flight's pulses is flown over flat ground and compared with what the plan promises, and a dry run tells
-//! whether the instrument measures what surrounds it.
+//! The checks of a plan before it is written: its files are writable, its own survey is read as `vlscan run`
+//! reads it, a sample of a flight's pulses is flown over flat ground and compared with the plan's promises,
+//! and a dry run tells whether the instrument measures what surrounds it.
 
 use super::{extent_of, shown};
 use std::path::{Path, PathBuf};
@@ -9,6 +9,7 @@ use std::time::Instant;
 use vlscan_base::Observer;
 use vlscan_base::diag::{Diagnostics, Notice};
 use vlscan_base::error::{Error, Result};
+use vlscan_base::files::refuse_unwritable;
 use vlscan_base::quantity::number;
 use vlscan_geom::DVec3;
 use vlscan_lidar::pulse::PhysicsProfile;
@@ -16,7 +17,7 @@ use vlscan_options::{InputOptions, Options, ProfileOptions, ResolvedRun};
 use vlscan_session::output::OutputRequest;
 use vlscan_session::{CoverageMap, DryRunReport, LoadedScene, Progress, RunContext, Session, Settings};
 use vlscan_survey::{MaterialDefinition, Mesh, PlatformKind, SceneRecipe};
-use vlscan_tools::plan::{Area, PlanSetup, PlannedSurvey, Promise, fly_sample};
+use vlscan_tools::plan::{Area, LineFormat, PlanSetup, PlannedSurvey, Promise, fly_sample};
 use vlscan_warehouse::Stop;
 
 /// Share of the pulses that meet flat ground within range and return, below which the plan of a flight is
@@ -29,6 +30,22 @@ const MIN_SCENE_SHARE: f64 = 0.5;
 const MAX_NEAR_SHARE: f64 = 0.9;
 /// Space around the waypoints that flat ground has, m.
 const MARGIN: f64 = 1000.0;
+
+/// Checks that the files of a plan can be written.
+///
+/// # Errors
+/// [`Error::Input`] for files that exist, two of one name, missing folders, and lines in no known format.
+pub fn check_files(setup: &PlanSetup) -> Result<()> {
+    let mut all: Vec<&Path> = setup.file().into_iter().collect();
+    for path in &setup.lines {
+        LineFormat::of(path)?;
+        if all.contains(&path.as_path()) {
+            return Err(Error::input(format!("{}: two outputs have the same name", path.display())));
+        }
+        all.push(path);
+    }
+    all.iter().try_for_each(|path| refuse_unwritable(path, setup.overwrite))
+}
 
 /// A plan and what its check needs.
 pub struct Check<'c> {

@@ -2,7 +2,7 @@
 //!
 //! | file | what it does |
 //! |---|---|
-//! | `check` | the check of a plan before it is written |
+//! | `check` | the checks of a plan and its files before they are written |
 //! | `guarantee` | densities that a share of the cells of an area has |
 
 mod check;
@@ -13,7 +13,7 @@ use guarantee::Guarantee;
 use std::path::{Path, PathBuf};
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
-use vlscan_base::files::{FileGroup, refuse_unwritable};
+use vlscan_base::files::FileGroup;
 use vlscan_base::quantity::number;
 use vlscan_base::{Observer, machine};
 use vlscan_crs::{differ, name as name_of_system};
@@ -70,7 +70,7 @@ pub fn plan_survey(
     observer: &Observer,
     stop: &Stop,
 ) -> Result<PlannedSurvey> {
-    check_files(request.common())?;
+    check::check_files(request.common())?;
     let planner = Planner::new(request, observer)?;
     let (plan, area, reported) = match request {
         PlanRequest::Airborne(request) => planner.airborne(request, stop),
@@ -78,19 +78,6 @@ pub fn plan_survey(
         PlanRequest::Mobile(request) => planner.mobile(request),
     }?;
     planner.finish(plan, area.as_ref(), &reported, command, stop)
-}
-
-/// Checks that the files of a plan can be written.
-fn check_files(setup: &PlanSetup) -> Result<()> {
-    let mut all: Vec<&Path> = setup.file().into_iter().collect();
-    for path in &setup.lines {
-        LineFormat::of(path)?;
-        if all.contains(&path.as_path()) {
-            return Err(Error::input(format!("{}: two outputs have the same name", path.display())));
-        }
-        all.push(path);
-    }
-    all.iter().try_for_each(|path| refuse_unwritable(path, setup.overwrite))
 }
 
 /// Checks the instrument and platform of a request, which do not depend on the scene.

@@ -1,7 +1,12 @@
 //! Pulses and scan lines of a recording: points of one time and source are one pulse; lines end where times
 //! have a gap or the scan angle turns.
 
+mod distances;
+
+pub(super) use distances::distance;
+
 use super::cut::Cut;
+use distances::distance_to_line;
 use rayon::prelude::*;
 use std::ops::Range;
 use vlscan_formats::PulseGroups;
@@ -330,25 +335,6 @@ impl<'a> Pulses<'a> {
     }
 }
 
-/// The distance of a place from the polyline of a line's first echoes; `None` where the line does not pass
-/// it.
-fn distance_to_line(place: [f64; 2], line: &[[f64; 2]]) -> Option<f64> {
-    // Squares do for the nearest one: this is where most of the time goes.
-    let (mut least, mut nearest) = (f64::INFINITY, 0);
-    for (i, [x, y]) in line.iter().enumerate() {
-        let (dx, dy) = (x - place[0], y - place[1]);
-        let square = dx * dx + dy * dy;
-        if square < least {
-            (least, nearest) = (square, i);
-        }
-    }
-    if nearest == 0 || nearest + 1 == line.len() {
-        return None;
-    }
-    let to = |i: usize| distance_to_segment(place, [line[i], line[i + 1]]);
-    Some(to(nearest - 1).min(to(nearest)))
-}
-
 /// The source and the time of a point, which are those of its pulse.
 fn key(cut: &Cut, point: u32) -> ((u16, u8), f64) {
     let index = cut.index(point as usize);
@@ -481,20 +467,6 @@ fn between_turns(angles: &[f32], range: Range<usize>, turn: f64, lines: &mut Vec
         }
     }
     lines.push(start..range.end);
-}
-
-pub(super) fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
-    libm::hypot(a[0] - b[0], a[1] - b[1])
-}
-
-fn distance_to_segment(p: [f64; 2], [a, b]: [[f64; 2]; 2]) -> f64 {
-    let along = [b[0] - a[0], b[1] - a[1]];
-    let squared = along[0] * along[0] + along[1] * along[1];
-    let share = match squared > 0.0 {
-        true => (((p[0] - a[0]) * along[0] + (p[1] - a[1]) * along[1]) / squared).clamp(0.0, 1.0),
-        false => 0.0,
-    };
-    distance(p, [a[0] + share * along[0], a[1] + share * along[1]])
 }
 
 #[cfg(test)]

@@ -235,10 +235,10 @@ impl FlightPlan {
         let courses = &self.platform.legs;
         let stands = |leg: usize| match self.platform.motion {
             Motion::Static => true,
-            // The reference flies on with the velocity of the leg before.
+            // Without sharp corners it flies on with the velocity of the leg before, as in the reference.
             Motion::Linear if self.kinematics.sharp_corners && courses[leg].speed <= 0.0 => true,
-            // Equal waypoints have equal bits after the shift and the ground. Others make a way, however
-            // short, as do those that the noise of legs displaces.
+            // Equal waypoints have equal bits after the shift and the ground. Other legs are flown, however
+            // short, and so are those that the noise of legs displaces.
             _ if self.platform.has_waypoints() => {
                 courses.get(leg + 1).is_none_or(|next| next.position == courses[leg].position)
             }

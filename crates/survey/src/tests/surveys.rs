@@ -420,6 +420,14 @@ fn legs_name_trajectories_in_memory() {
     assert!(file.path.ends_with("f.csv") && file.content.is_none());
     let missing = Folder::new(&files).read(&ReadOptions::default());
     contains(&refused(missing), &["cannot find the file `<poses>`"]);
+    // The name of a trajectory in memory, and the path of a file.
+    let folder = Folder::new(&files[1..]);
+    let name = folder.path("f.csv").display().to_string();
+    folder.write("survey.xml", &text.replace("&lt;poses&gt;", &name));
+    let named_trajectories = vec![(name, (*b"poses").into())];
+    let (survey, _) = folder.read(&ReadOptions { named_trajectories, ..options }).unwrap();
+    let PlatformKind::Interpolated(flight) = &survey.platform.kind else { panic!("not interpolated") };
+    assert_eq!(flight.files.iter().map(|file| file.content.is_some()).collect::<Vec<_>>(), [true, false]);
 }
 
 #[test]

@@ -203,30 +203,32 @@ pub fn below(echo: &Echo, ground: &dyn HeightModel) -> Option<(DVec3, bool)> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use vlscan_geom::Rotation;
 
+    /// A pulse from the origin.
+    pub fn pulse(number: u64, attitude: Rotation) -> Pulse {
+        Pulse {
+            origin: DVec3::ZERO,
+            attitude,
+            exact_attitude: attitude,
+            reported_attitude: attitude,
+            scanner_attitude: attitude,
+            origin_error: DVec3::ZERO,
+            time_ns: number as f64,
+            number,
+            device: 0,
+            scan_angle: 0.0,
+            range_error: 0.0,
+            velocity: None,
+        }
+    }
+
     /// Pulses 1 to `count` of two devices, whose beams turn by 0.01 rad from one to the next.
     fn pulses(count: u64) -> Vec<Pulse> {
-        let pulse = |i: u64| {
-            let attitude = Rotation::about_z(0.01 * i as f64);
-            Pulse {
-                origin: DVec3::ZERO,
-                attitude,
-                exact_attitude: attitude,
-                reported_attitude: attitude,
-                scanner_attitude: attitude,
-                origin_error: DVec3::ZERO,
-                time_ns: i as f64,
-                number: i,
-                device: 0,
-                scan_angle: 0.0,
-                range_error: 0.0,
-                velocity: None,
-            }
-        };
-        (1..=count).flat_map(|i| [0, 1].map(|device| Pulse { device, ..pulse(i) })).collect()
+        let turned = |i: u64| pulse(i, Rotation::about_z(0.01 * i as f64));
+        (1..=count).flat_map(|i| [0, 1].map(|device| Pulse { device, ..turned(i) })).collect()
     }
 
     #[test]

@@ -218,11 +218,23 @@ impl Block {
         let Block { chunks, steps, around, drift, phase } = std::mem::take(self);
         let around = around.map(|passed| passed as f64 / (steps as f64).max(1.0));
         let repeats = Repeats { around, drift: [drift.x, drift.y] };
-        // Far from those of the periods beside it, so that periods together see all phases.
-        let every = u64::from(pulses.max(1));
-        let phase = phase % every * ((every * 5 / 8) | 1) % every;
+        let phase = phase_of(phase, u64::from(pulses.max(1)));
         chunks.into_iter().try_for_each(|chunk| put(BlockChunk { chunk, repeats, pulses, phase }))
     }
+}
+
+/// The phase, below `every`, of the period with a number: far from those of the periods beside it, and each
+/// phase once in `every` periods.
+fn phase_of(number: u64, every: u64) -> u64 {
+    // Without a common divisor, no phase is left out. At the latest `every` - 1 or `every` - 2 has none.
+    let mut factors = (((every * 5 / 8) | 1)..=every).step_by(2);
+    let factor = factors.find(|factor| common_divisor(*factor, every) == 1).unwrap_or(1);
+    number % every * factor % every
+}
+
+/// Greatest common divisor.
+fn common_divisor(a: u64, b: u64) -> u64 {
+    if b == 0 { a } else { common_divisor(b, a % b) }
 }
 
 /// Steps after which the scan pattern of a leg repeats, or several times as many if these are few.
@@ -314,6 +326,17 @@ mod tests {
             found.iter().all(|(_, repeats, pulses)| repeats.periods() == 1.0 && *pulses == 4),
             "{found:?}"
         );
+    }
+
+    #[test]
+    fn successive_periods_see_all_phases() {
+        for every in 1..=32 {
+            let phases: Vec<u64> = (0..every).map(|number| phase_of(number, every)).collect();
+            let mut sorted = phases.clone();
+            sorted.sort_unstable();
+            assert!(sorted.into_iter().eq(0..every), "{every}: {phases:?}");
+        }
+        assert_eq!([0, 1, 2, 16].map(|number| phase_of(number, 16)), [0, 11, 6, 0]);
     }
 
     #[test]

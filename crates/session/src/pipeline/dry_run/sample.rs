@@ -89,6 +89,14 @@ impl Tasks for SampleChunk {
     }
 }
 
+/// Cost of a pulse, as a number of rays.
+fn rays_per_pulse(pass: &Pass<'_>, has_weather: bool) -> u64 {
+    // A false point costs about as much as a ray.
+    let alarms = pass.physics.instruments().false_alarms().map_or(0.0, |alarms| alarms.per_pulse);
+    let of_weather = if has_weather { RAYS_PER_WEATHER_PULSE } else { 0 };
+    pass.physics.max_rays() as u64 + alarms.ceil() as u64 + of_weather
+}
+
 /// Measures strata in an order in which those so far are always evenly spread, until all are done or
 /// [`MAX_RAYS`] are traced.
 pub fn measure(pass: &Pass<'_>, flight: &FlightPlan, timeline: &Timeline) -> Result<(Ended, Sample)> {
@@ -113,11 +121,8 @@ pub fn measure(pass: &Pass<'_>, flight: &FlightPlan, timeline: &Timeline) -> Res
     };
     let end = PassEnd { check: None, is_last: true, keeps_partial: false, open_outputs: pass.open_outputs };
     let ended = run_stages(pass.schedule, pass.control, &pass.output, None, end, make_worker, |feed| {
-        // A false point costs about as much as a ray.
-        let alarms = pass.physics.instruments().false_alarms().map_or(0.0, |alarms| alarms.per_pulse);
         let has_weather = pass.physics.instruments().has_weather();
-        let of_weather = if has_weather { RAYS_PER_WEATHER_PULSE } else { 0 };
-        let rays_per_pulse = pass.physics.max_rays() as u64 + alarms.ceil() as u64 + of_weather;
+        let rays_per_pulse = rays_per_pulse(pass, has_weather);
         let interval = match has_weather {
             true => (SHARE_IN_WEATHER * timeline.interval).max(MIN_IN_WEATHER),
             false => timeline.interval,
