@@ -75,7 +75,7 @@ fn kind(kind: ProblemKind) -> &'static str {
         ProblemKind::NotFound => "not_found",
         ProblemKind::Exists => "exists",
         ProblemKind::TooLarge => "too_large",
-        ProblemKind::OutOfBounds => "out_of_bounds",
+        ProblemKind::MissingEntry => "missing_entry",
         ProblemKind::Truncated => "truncated",
         ProblemKind::Unsupported => "unsupported",
         ProblemKind::NotDivisible => "not_divisible",

@@ -3,7 +3,18 @@
 from __future__ import annotations
 
 from difflib import get_close_matches
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, Generic, TypeVar
+
+if TYPE_CHECKING:
+    Value = TypeVar("Value")
+    Given = TypeVar("Given")
+
+    class Converted(Generic[Value, Given]):
+        """The type of an attribute whose values are converted when they are set."""
+
+        def __get__(self, owner: object, kind: type | None = None, /) -> Value: ...
+        def __set__(self, owner: object, value: Given, /) -> None: ...
+        def __delete__(self, owner: object, /) -> None: ...
 
 
 class Checked:

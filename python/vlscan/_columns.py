@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from typing import Any, TypeAlias
 
@@ -9,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ._conversions import columns_of_library, unmasked
-from ._typing import ArrowStream, TableLike
+from ._typing import ArrowStream, PathLike, TableLike
 
 #: A table as the engine takes it: of Arrow, or columns as bytes of doubles, or with their types.
 EngineTable: TypeAlias = ArrowStream | dict[str, bytes] | dict[str, tuple[str, bytes]]
@@ -25,7 +26,7 @@ def columns_of(table: TableLike | ArrayLike, names: tuple[str, ...], keep_types:
     names : tuple of str
         Names of the columns of an array without names.
     keep_types : bool
-        Whether columns keep their types; otherwise they become doubles.
+        True if columns keep their types; otherwise they become doubles.
 
     Returns
     -------
@@ -60,6 +61,28 @@ def columns_of(table: TableLike | ArrayLike, names: tuple[str, ...], keep_types:
     if keep_types:
         return {name: _typed(name, values) for name, values in columns.items()}
     return {name: np.asarray(values, dtype="<f8").tobytes() for name, values in columns.items()}
+
+
+def named_cloud(cloud: TableLike | PathLike, name: str) -> tuple[str, EngineTable | None]:
+    """Return a cloud as the engine takes it.
+
+    Parameters
+    ----------
+    cloud : table, str or path-like
+        Points, or a file.
+    name : str
+        Name of a table in messages.
+
+    Returns
+    -------
+    name : str
+        The name, or the file.
+    table : object or None
+        The table; ``None`` for a file.
+    """
+    if isinstance(cloud, (str, os.PathLike)):
+        return os.fspath(cloud), None
+    return name, columns_of(cloud, ("X", "Y", "Z"))
 
 
 def _shape_of(names: tuple[str, ...]) -> str:

@@ -1,4 +1,4 @@
-"""What surveys are, and the requests to the engine that they become: objects, files and documents in memory."""
+"""Surveys as objects, files and documents in memory, and the requests to the engine that they become."""
 
 from __future__ import annotations
 
@@ -24,6 +24,7 @@ from .scene import Scene
 if TYPE_CHECKING:
     from typing_extensions import Self, Unpack
 
+    from ._checked import Converted
     from ._options import RunOptions
 
 #: Columns of a trajectory as an array.
@@ -49,6 +50,16 @@ class SurveyDescription(Checked):
     _ATTRIBUTES: ClassVar[tuple[str, ...]] = (
         *("scene", "scanner", "legs", "platform", "trajectory", "settings", "waveform", "detector", "name"),
     )
+
+    if TYPE_CHECKING:
+        # None is Any where a file may have the value: pyright does not narrow attributes that convert.
+        scene: Converted[Scene | Any, Scene | PathLike | Part | Iterable[Part] | None] = Converted()
+        scanner: Converted[Scanner | Any, Scanner | str | Mapping[str, object] | None] = Converted()
+        legs: Converted[list[Leg], Iterable[Leg]] = Converted()
+        platform: Converted[Platform | Any, Platform | str | None] = Converted()
+        settings: Converted[dict[str, object], Mapping[str, object] | None] = Converted()
+        waveform: Converted[dict[str, object], Mapping[str, object] | None] = Converted()
+        detector: Converted[dict[str, object], Mapping[str, object] | None] = Converted()
 
     def __init__(
         self,

@@ -25,7 +25,7 @@ def needed(name: str, by: str) -> ModuleType:
     name : str
         Name of the library, which is that of its package.
     by : str
-        What needs it.
+        Name of the function that needs the library.
 
     Returns
     -------
@@ -53,7 +53,7 @@ def refuse_existing(path: str, force: bool) -> None:
     path : str
         The file.
     force : bool
-        Whether a file that exists is replaced.
+        If set, an existing file is replaced.
 
     Raises
     ------
@@ -74,7 +74,7 @@ def save(path: str, content: bytes, force: bool) -> None:
     content : bytes
         Its content.
     force : bool
-        Whether a file that exists is replaced.
+        If set, an existing file is replaced.
 
     Raises
     ------
@@ -94,7 +94,7 @@ def is_notebook() -> bool:
     Returns
     -------
     bool
-        Whether it does.
+        True if it does.
     """
     ipython = sys.modules.get("IPython")
     return ipython is not None and hasattr(ipython.get_ipython(), "kernel")
@@ -161,11 +161,11 @@ def counting_bar(is_wanted: bool | None, total: int, unit: str) -> Iterator[Call
     Parameters
     ----------
     is_wanted : bool or None
-        Whether to show a bar; by default in notebooks where tqdm is installed.
+        True for a bar; by default there is one in notebooks where tqdm is installed.
     total : int
         Number of things.
     unit : str
-        What they are.
+        Noun for a thing, such as ``cell``.
 
     Yields
     ------

@@ -1,17 +1,13 @@
-"""What notebooks show."""
+"""Pictures and pages for notebooks."""
 
 from __future__ import annotations
 
 import base64
 import html
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 from ._libraries import is_notebook
-
-if TYPE_CHECKING:
-    from IPython.display import HTML
-
+from ._typing import Displayed
 
 # Largest picture of a cell, bytes as text, and the widths that are tried.
 _MAX_BYTES, _WIDTHS = 59_000, (800, 640, 520, 420, 320)
@@ -34,7 +30,7 @@ def picture_html(draw: Callable[[int, int], bytes], about: str) -> str:
     return f'<img src="data:image/png;base64,{data}" style="max-width:100%"><div>{about}</div>'
 
 
-def show_page(page: str) -> HTML | None:
+def show_page(page: str) -> Displayed | None:
     """Show a page in the notebook that runs the program, otherwise in a browser."""
     if is_notebook():
         from IPython.display import HTML
@@ -42,7 +38,8 @@ def show_page(page: str) -> HTML | None:
         frame = html.escape(page, quote=True)
         # IPython warns of a frame that is not within another element.
         shown = f'<div><iframe srcdoc="{frame}" style="width:100%;height:600px;border:0"></iframe></div>'
-        return HTML(shown)  # type: ignore[no-untyped-call, unused-ignore]
+        view: Displayed = HTML(shown)  # type: ignore[no-untyped-call, unused-ignore]
+        return view
     import tempfile
     import webbrowser
 

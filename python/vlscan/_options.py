@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from datetime import datetime
 from typing import Literal, TypedDict
 
@@ -18,7 +18,7 @@ class RunOptions(TypedDict, total=False):
     output: PathLike | None
     """Write as HELIOS++ does: DIR/SURVEY/TIME/leg000_points.xyz and so on. [default without -o: output]"""
 
-    columns: str | Sequence[str] | None
+    columns: str | Iterable[str] | None
     """Columns of csv, arrow, parquet and geoparquet, and of xyz (which then gets a header), such as X,Y,Z,Intensity,GpsTime. With Red, Green or Blue, las, laz, ply, pcd, e57 and mcap have colours, too. docs/outputs.md lists all columns, as does the message for an unknown name."""
 
     frame_s: float | None

@@ -25,7 +25,7 @@ _Quaternion = tuple[float, float, float, float]
 
 @dataclass(frozen=True)
 class Place:
-    """Where a part stands: ``p' = scale * rotation(p) + offset``; ``on_ground`` is 1 for one that is dropped to the ground."""
+    """Placement of a part: ``p' = scale * rotation(p) + offset``; ``on_ground`` is 1 for a part that is dropped to the ground."""
 
     quaternion: _Quaternion = (1.0, 0.0, 0.0, 0.0)
     scale: float = 1.0
@@ -192,7 +192,7 @@ class PlacedPart:
         Parameters
         ----------
         on_ground : bool or int
-            Whether it is; or the mode ``onGround`` of scene files, where -1 looks for the best position.
+            True if it is lowered; or the mode ``onGround`` of scene files, where -1 looks for the best position.
 
         Returns
         -------
@@ -279,7 +279,7 @@ class PlacedPart:
         Parameters
         ----------
         id : str
-            What the column ``ObjectId`` reports.
+            Value of the column ``ObjectId``.
 
         Returns
         -------
@@ -290,7 +290,7 @@ class PlacedPart:
 
     @property
     def id(self) -> str | None:
-        """What the column ``ObjectId`` reports, if the part was named."""
+        """Value of the column ``ObjectId``, if the part was named."""
         return self._place.id
 
     @property
@@ -307,7 +307,7 @@ class PlacedPart:
     def materials(self) -> dict[str, Material]:
         """Materials by name, with those of :meth:`with_material`; empty if nothing defines any.
 
-        Those of arrays are as given. Material files are read: OBJ files name their own, and rasters, points and voxels have one
+        Materials of arrays are as given. Material files are read: OBJ files name their own, and rasters, points and voxels have one
         material. Other meshes, and those with a table of materials, are loaded; their materials have reflectance and class only.
         """
         found = self._defined_materials()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from typing import Any, Protocol, TypeAlias, runtime_checkable
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,25 +13,43 @@ from numpy.typing import ArrayLike, NDArray
 PathLike: TypeAlias = str | os.PathLike[str]
 
 #: Three numbers.
-Vector: TypeAlias = Sequence[float] | NDArray[np.floating[Any]]
+Vector: TypeAlias = Sequence[float] | NDArray[np.floating[Any]] | NDArray[np.integer[Any]]
 
 
 @runtime_checkable
 class ArrowArray(Protocol):
-    """What exports an array by the Arrow C data interface."""
+    """An object that exports an array by the Arrow C data interface."""
 
     def __arrow_c_array__(self, requested_schema: object | None = None) -> tuple[object, object]: ...
 
 
 @runtime_checkable
 class ArrowStream(Protocol):
-    """What exports a table by the Arrow C stream interface, as tables of pyarrow, polars, pandas and DuckDB do."""
+    """An object that exports a table by the Arrow C stream interface, as tables of pyarrow, polars, pandas and DuckDB do."""
 
     def __arrow_c_stream__(self, requested_schema: object | None = None) -> object: ...
 
 
 #: A table: of any library that speaks Arrow, or arrays by the names of their columns.
 TableLike: TypeAlias = ArrowStream | Mapping[str, Any]
+
+
+if TYPE_CHECKING:
+
+    class ColumnArray(np.ndarray[tuple[int], np.dtype[Any]]):
+        """A column of a table. NumPy declares no type of ``==``, which makes a mask of rows here."""
+
+        def __eq__(self, other: object, /) -> NDArray[np.bool_]: ...  # type: ignore[override]
+        def __ne__(self, other: object, /) -> NDArray[np.bool_]: ...  # type: ignore[override]
+
+else:
+    ColumnArray = np.ndarray
+
+
+class Displayed(Protocol):
+    """An object that notebooks display, such as ``IPython.display.HTML``."""
+
+    def _repr_html_(self) -> object: ...
 
 
 class MeshWithFaces(Protocol):

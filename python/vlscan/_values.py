@@ -72,8 +72,8 @@ def values_of(options: Mapping[str, object], call: Callable[..., object] | None 
             continue
         if known[name].is_of_files and not writes_files and value is not False:
             raise ValueError(f"{name} is an option of files, but this run writes none; name them with run(to=...)")
-        if isinstance(value, Mapping) and name == "columns":
-            # The columns that `vlscan.columns()` lists.
+        if name == "columns" and isinstance(value, Iterable) and not isinstance(value, str):
+            # Of a dictionary, such as that of `vlscan.columns()`, its keys.
             value = list(value)
         if name == "columns" and value == []:
             raise ValueError("columns names no column; leave it out for those of a run by default")
@@ -95,7 +95,7 @@ def recorded(
     to : str, path-like or iterable of them, optional
         The files of points.
     waveforms, pulses : bool, optional
-        Whether they are recorded, too.
+        True if they are recorded, too.
     options : mapping
         Other options.
     call : callable

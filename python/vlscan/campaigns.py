@@ -29,7 +29,7 @@ class CampaignReport:
     cells : int
         Cells of the campaign.
     left : int
-        Those of them that are neither complete nor failed.
+        Cells that are neither complete nor failed.
     points : int
         Points of all cells.
     manifest : path-like or None
@@ -96,17 +96,17 @@ def run_campaign(
     cells : iterable of str
         Names of the cells; all by default.
     retry : bool
-        Whether cells that have failed are computed again.
+        True if cells that have failed are computed again.
     verify : bool
-        Whether the checksums of all files of complete cells are compared.
+        True if the checksums of all files of complete cells are compared.
     threads : int, optional
         Threads of this process; all by default.
     strict : bool
-        Whether warnings about the input are errors.
+        True if warnings about the input are errors.
     notify : callable, optional
         Called with the kind of an event (``warning``, ``damaged``, ``completed``, ``failed``), the name of the cell, and a text.
     progress : bool, optional
-        Whether to show a bar of tqdm that counts cells; by default in notebooks where tqdm is installed.
+        True for a bar of tqdm that counts cells; by default there is one in notebooks where tqdm is installed.
 
     Returns
     -------
@@ -142,9 +142,9 @@ def campaign_cells(path: PathLike, *, task: tuple[int, int] | None = None, retry
     task : tuple of int, optional
         As for :func:`run_campaign`.
     retry : bool
-        Whether cells that have failed are left, too.
+        True if cells that have failed are left, too.
     strict : bool
-        Whether warnings about the input are errors.
+        True if warnings about the input are errors.
 
     Returns
     -------

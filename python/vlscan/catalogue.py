@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from difflib import get_close_matches
 from functools import cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from . import _vlscan
 from .errors import InputError
@@ -21,13 +21,13 @@ class Option(NamedTuple):
     Attributes
     ----------
     help : str
-        What it does.
+        Effect of the option.
     has_value : bool
-        Whether it takes a value; otherwise it is ``True`` or ``False``.
+        True if it takes a value; otherwise it is ``True`` or ``False``.
     is_list : bool
-        Whether a list gives it more than once.
+        True if a list gives it more than once.
     is_of_files : bool
-        Whether it says how files of points are written, so that a run to memory refuses it.
+        True if it says how files of points are written; a run to memory refuses it.
     """
 
     help: str
@@ -44,7 +44,7 @@ class Column(NamedTuple):
     unit : str
         Unit; empty for plain numbers.
     description : str
-        What the values are.
+        Meaning of the values.
     """
 
     unit: str
@@ -52,7 +52,7 @@ class Column(NamedTuple):
 
 
 class Spectrum(NamedTuple):
-    """What a surface reflects and transmits by wavelength.
+    """Reflectance and transmittance of a surface by wavelength.
 
     Parameters
     ----------
@@ -303,21 +303,23 @@ class ScannerFigures:
 
     @property
     def sources(self) -> dict[str, str]:
-        """Where the figures come from, by the names of attributes in XML."""
-        text, _ = _vlscan.scanner_figures(self.reference)
-        sources: dict[str, str] = json.loads(text)["sources"]
+        """Sources of the figures, by the names of attributes in XML."""
+        sources: dict[str, str] = self._details()["sources"]
         return sources
 
     @property
     def device(self) -> DeviceFigures:
         """Power, optics, ranges and limits of the first device, as surveys in XML use them."""
-        text, _ = _vlscan.scanner_figures(self.reference)
-        return DeviceFigures(**json.loads(text)["device"])
+        return DeviceFigures(**self._details()["device"])
 
     @property
     def pattern_svg(self) -> str:
         """The directions of the beams as a drawing (SVG): one revolution of the head, or 0.1 s if it does not turn."""
         return _vlscan.scanner_figures(self.reference)[1]
+
+    def _details(self) -> dict[str, Any]:
+        details: dict[str, Any] = json.loads(_vlscan.scanner_figures(self.reference)[0])
+        return details
 
     def _repr_html_(self) -> str:
         rows = "".join(f"<tr><td>{name}</td><td>{html.escape(str(value))}</td></tr>" for name, value in asdict(self).items())
@@ -358,7 +360,7 @@ def all_scanner_figures(text: str = "") -> list[ScannerFigures]:
     Parameters
     ----------
     text : str
-        What the reference or the name contains.
+        Text that the reference or the name contains.
 
     Returns
     -------

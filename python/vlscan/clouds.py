@@ -1,19 +1,19 @@
-"""What point clouds are, their rasters, and their frames as data sets of driving."""
+"""Facts about point clouds, their rasters, and their frames as data sets of driving."""
 
 from __future__ import annotations
 
 import json
 import math
 import os
-from collections.abc import Iterator, Mapping
-from difflib import get_close_matches
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from . import _vlscan
-from ._columns import columns_of
+from ._columns import EngineTable, named_cloud
+from ._facts import Facts
 from ._libraries import needed
 from ._typing import PathLike, TableLike
 from .errors import temporary_folder
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     import xarray
 
 
-class CloudInfo(Mapping[str, Any]):
-    """What a point cloud is: a mapping with the keys of ``vlscan info --json``.
+class CloudInfo(Facts[Any]):
+    """Facts about a point cloud: a mapping with the keys of ``vlscan info --json``.
 
     Parameters
     ----------
@@ -35,21 +35,8 @@ class CloudInfo(Mapping[str, Any]):
     """
 
     def __init__(self, facts: dict[str, Any], text: str) -> None:
-        self._facts = facts
+        super().__init__(facts)
         self._text = text
-
-    def __getitem__(self, key: str) -> Any:
-        if key not in self._facts:
-            close = get_close_matches(str(key), self._facts, 1)
-            hint = f"did you mean {close[0]!r}? There" if close else "there"
-            raise KeyError(f"nothing is known of {key!r}; {hint} are {', '.join(self._facts)}")
-        return self._facts[key]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._facts)
-
-    def __len__(self) -> int:
-        return len(self._facts)
 
     def __str__(self) -> str:
         return self._text
@@ -89,7 +76,7 @@ def cloud_info(*clouds: TableLike | PathLike) -> CloudInfo:
     return CloudInfo(json.loads(facts), text)
 
 
-class Rasters(Mapping[str, NDArray[np.float64]]):
+class Rasters(Facts[NDArray[np.float64]]):
     """Rasters of a point cloud by name: arrays with rows from south to north and columns from west to east, NaN where there is no value.
 
     Parameters
@@ -114,19 +101,10 @@ class Rasters(Mapping[str, NDArray[np.float64]]):
     """
 
     def __init__(self, values: dict[str, NDArray[np.float64]], side_m: float, corner: tuple[float, float], crs: str | None) -> None:
-        self._values = values
+        super().__init__(values)
         self.side_m = side_m
         self.corner = corner
         self.crs = crs
-
-    def __getitem__(self, key: str) -> NDArray[np.float64]:
-        return self._values[key]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._values)
-
-    def __len__(self) -> int:
-        return len(self._values)
 
     def to_xarray(self) -> xarray.Dataset:
         """Return the rasters for xarray, with the centres of the cells as coordinates.
@@ -136,7 +114,7 @@ class Rasters(Mapping[str, NDArray[np.float64]]):
         xarray.Dataset
             The rasters, with the dimensions y and x; the system is the attribute ``crs``.
         """
-        rows, columns = next(iter(self._values.values())).shape
+        rows, columns = next(iter(self.values())).shape
         centres = {
             "y": self.corner[1] + self.side_m * (np.arange(rows) + 0.5),
             "x": self.corner[0] + self.side_m * (np.arange(columns) + 0.5),
@@ -147,7 +125,7 @@ class Rasters(Mapping[str, NDArray[np.float64]]):
         return data
 
     def __repr__(self) -> str:
-        rows, columns = next(iter(self._values.values())).shape
+        rows, columns = next(iter(self.values())).shape
         return f"<Rasters of {columns} by {rows} cells of {self.side_m:g} m: {', '.join(self)}>"
 
 
@@ -186,7 +164,7 @@ def raster(
     crs : str, optional
         Coordinate reference system of clouds that name none: ``EPSG:25832``, WKT, or a file with either.
     force : bool
-        Whether files that exist are replaced.
+        If set, existing files are replaced.
 
     Returns
     -------
@@ -225,7 +203,7 @@ def raster(
 
 
 class FrameCounts(NamedTuple):
-    """What :func:`write_frames` has written.
+    """Counts of :func:`write_frames`.
 
     Parameters
     ----------
@@ -330,11 +308,8 @@ def write_frames(
         return FrameCounts(*_vlscan.write_frames(path, os.fspath(folder), fields))
 
 
-def _named(clouds: tuple[TableLike | PathLike, ...]) -> list[tuple[str, object]]:
-    """Return clouds as the engine takes them: files by name, and tables."""
+def _named(clouds: tuple[TableLike | PathLike, ...]) -> list[tuple[str, EngineTable | None]]:
+    """Return clouds as the engine takes them."""
     if not clouds:
         raise ValueError("no cloud is given: expected points or files")
-    return [
-        (os.fspath(cloud), None) if isinstance(cloud, (str, os.PathLike)) else ("points", columns_of(cloud, ("X", "Y", "Z")))
-        for cloud in clouds
-    ]
+    return [named_cloud(cloud, "points") for cloud in clouds]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _vlscan
-from ._columns import columns_of
+from ._columns import named_cloud
+from ._facts import Facts
 from ._libraries import needed
 from ._typing import PathLike, TableLike
 from ._values import renamed
@@ -33,7 +33,7 @@ class ChangeMap:
     detection : numpy.ndarray
         Level of detection at 95 %, m.
     is_changed : numpy.ndarray
-        Whether the difference is beyond it, and that of at least two neighbours.
+        True if the difference is beyond it, and that of at least two neighbours.
     side_m : float
         Side of a cell, m.
     corner : tuple of float
@@ -65,8 +65,8 @@ class ChangeMap:
         return data
 
 
-class Comparison(Mapping[str, Any]):
-    """What two point clouds have in common, and what not: a mapping with the keys of ``vlscan compare --json``.
+class Comparison(Facts[Any]):
+    """Similarities and differences of two point clouds: a mapping with the keys of ``vlscan compare --json``.
 
     Parameters
     ----------
@@ -82,17 +82,8 @@ class Comparison(Mapping[str, Any]):
     """
 
     def __init__(self, figures: dict[str, Any], change_map: ChangeMap) -> None:
-        self._figures = figures
+        super().__init__(figures)
         self.change_map = change_map
-
-    def __getitem__(self, key: str) -> Any:
-        return self._figures[key]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._figures)
-
-    def __len__(self) -> int:
-        return len(self._figures)
 
     def to_pandas(self) -> pandas.DataFrame:
         """Return the quantities of both clouds as a table.
@@ -144,7 +135,7 @@ def compare(
     max_distances : int
         Maximum number of points of each cloud whose distance to the other and height above the terrain are measured.
     chance : bool
-        Whether each figure comes with what chance alone gives: the largest difference between random halves of the first cloud.
+        True if each figure comes with what chance alone gives: the largest difference between random halves of the first cloud.
     terrain : str or path-like, optional
         A raster or mesh that heights and residuals refer to; by default the ground points of the first cloud.
     registration : float, optional
@@ -157,12 +148,12 @@ def compare(
     changed : str or path-like, optional
         A cloud to write of the points that are new (class 64) or gone (class 65).
     force : bool
-        Whether files that exist are replaced.
+        If set, existing files are replaced.
 
     Returns
     -------
     Comparison
-        What ``vlscan compare --json`` writes, and the map of change.
+        The figures of ``vlscan compare --json``, and the map of change.
 
     Raises
     ------
@@ -176,12 +167,6 @@ def compare(
     >>> found["first_to_second"]["mean_m"] < 0.1, found.change_map.differences.shape == found.change_map.detection.shape
     (True, True)
     """
-
-    def named(cloud: TableLike | PathLike, name: str) -> tuple[str, object]:
-        if isinstance(cloud, (str, os.PathLike)):
-            return os.fspath(cloud), None
-        return name, columns_of(cloud, ("X", "Y", "Z"))
-
     fields: dict[str, object] = {
         "cell": cell,
         "voxel": voxel,
@@ -192,7 +177,7 @@ def compare(
     }
     files = {"terrain": terrain, "page": page, "change": change, "changed": changed}
     fields |= {name: None if file is None else os.fspath(file) for name, file in files.items()}
-    text, ((columns, rows, side, corner), cells) = _vlscan.compare(named(first, "first"), named(second, "second"), fields)
+    text, ((columns, rows, side, corner), cells) = _vlscan.compare(named_cloud(first, "first"), named_cloud(second, "second"), fields)
     differences, detection = (np.frombuffer(values, "<f8").reshape(rows, columns) for values in cells[:2])
     is_changed = np.frombuffer(cells[2], bool).reshape(rows, columns)
     return Comparison(json.loads(text), ChangeMap(differences, detection, is_changed, side, (corner[0], corner[1])))

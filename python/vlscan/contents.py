@@ -8,7 +8,7 @@ from .legs import Leg
 
 
 class References(NamedTuple):
-    """What a survey in XML refers to: ``file.xml#id`` with an absolute path, or with one of the catalogue that ships.
+    """References of a survey in XML: ``file.xml#id`` with an absolute path, or with one of the catalogue that ships.
 
     Attributes
     ----------
@@ -32,7 +32,7 @@ class References(NamedTuple):
 
 
 class SurveyContents(NamedTuple):
-    """What a survey consists of.
+    """Name, instrument, scene, settings and legs of a survey.
 
     Attributes
     ----------

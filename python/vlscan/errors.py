@@ -143,7 +143,7 @@ def in_python(text: str) -> str:
 
 #: Kinds of problems, for programs that handle some of them.
 ProblemKind: TypeAlias = Literal[
-    "invalid", "not_found", "exists", "too_large", "out_of_bounds", "truncated", "unsupported", "not_divisible", "in_use"
+    "invalid", "not_found", "exists", "too_large", "missing_entry", "truncated", "unsupported", "not_divisible", "in_use"
 ]
 
 
@@ -164,7 +164,7 @@ class Problem:
     help : str, optional
         How to solve it.
     kind : str
-        ``not_found`` (a file), ``exists`` (an output), ``too_large`` (more memory than allowed), ``out_of_bounds`` (an index),
+        ``not_found`` (a file), ``exists`` (an output), ``too_large`` (more memory than allowed), ``missing_entry`` (an id, an index),
         ``truncated`` (a file), ``unsupported`` (a feature), ``not_divisible`` (a run into shards), ``in_use`` (a folder of another
         process); ``invalid`` for all others.
     """

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 from . import _vlscan
+from ._facts import Facts
 from ._typing import PathLike, TableLike
 from .errors import temporary_folder
 from .points import Points
@@ -108,7 +109,7 @@ def fit_sensor(
     Returns
     -------
     dict
-        What was estimated, as ``vlscan fit --json`` writes it.
+        The estimates, as ``vlscan fit --json`` writes them.
 
     Raises
     ------
@@ -132,13 +133,13 @@ def fit_sensor(
     return figures
 
 
-class Reconstruction(Mapping[str, Any]):
+class Reconstruction(Facts[Any]):
     """A scene that was estimated from a point cloud: a mapping with the keys of ``report.json``.
 
     Parameters
     ----------
     report : dict
-        What was estimated.
+        The estimates.
     folder : Path
         The folder of the scene.
 
@@ -149,7 +150,7 @@ class Reconstruction(Mapping[str, Any]):
     """
 
     def __init__(self, report: dict[str, Any], folder: Path) -> None:
-        self._report = report
+        super().__init__(report)
         self.folder = folder
 
     @property
@@ -166,15 +167,6 @@ class Reconstruction(Mapping[str, Any]):
     def trajectory(self) -> Path:
         """The estimated trajectory."""
         return self.folder / "trajectory.csv"
-
-    def __getitem__(self, key: str) -> Any:
-        return self._report[key]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._report)
-
-    def __len__(self) -> int:
-        return len(self._report)
 
     def __repr__(self) -> str:
         return f"<Reconstruction in {self.folder}: {', '.join(self)}>"
@@ -196,12 +188,12 @@ def reconstruct(
     divergence : float
         Divergence of the beam that recorded the cloud, full angle at 1/e² of the intensity, rad.
     force : bool
-        Whether files that exist are replaced.
+        If set, existing files are replaced.
 
     Returns
     -------
     Reconstruction
-        What was estimated, and the scene.
+        The estimates, and the scene.
 
     Raises
     ------

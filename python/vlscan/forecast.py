@@ -72,7 +72,7 @@ class FileEstimate:
     name : str
         Its path, or what it is.
     content : str
-        What its records are: points, waveforms, pulses, poses.
+        Kind of its records: points, waveforms, pulses, poses.
     bytes : float
         Size, bytes.
     """
@@ -84,7 +84,7 @@ class FileEstimate:
 
 @dataclass(frozen=True)
 class Missed:
-    """What a run will not measure.
+    """Pulses, area and legs that a run will miss.
 
     Parameters
     ----------
@@ -107,7 +107,7 @@ class Missed:
 
 @dataclass(frozen=True)
 class Duration:
-    """How long a run takes on this machine.
+    """Duration of a run on this machine.
 
     Parameters
     ----------
@@ -128,7 +128,7 @@ class Duration:
 
 @dataclass(frozen=True)
 class DryRun:
-    """What a run will cost and give.
+    """Estimates of the cost and the results of a run.
 
     Parameters
     ----------
@@ -141,7 +141,7 @@ class DryRun:
     pulses : float
         Number of pulses.
     pulses_are_counted : bool
-        Whether they were counted and not estimated.
+        True if they were counted and not estimated.
     points : Estimate
         Number of points.
     covered_m2 : float
@@ -155,7 +155,7 @@ class DryRun:
     time : Duration
         How long the run takes.
     missed : Missed
-        What it does not measure.
+        Pulses, area and legs that the run misses.
     sampled_pulses : float
         Pulses of the sample.
 

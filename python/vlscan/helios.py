@@ -3,8 +3,8 @@
 try:
     from vlscan_helios.v3 import *  # noqa: F403
     from vlscan_helios.v3 import install
-except ImportError as failure:
-    raise ImportError(f"vlscan.helios is a distribution of its own: pip install vlscan-helios ({failure})") from failure
+except ImportError as _failure:
+    raise ImportError(f"vlscan.helios is a distribution of its own: pip install vlscan-helios ({_failure})") from _failure
 
 install("vlscan.helios")
 

@@ -12,6 +12,7 @@ from ._keys import check_keys
 if TYPE_CHECKING:
     from typing_extensions import Unpack
 
+    from ._checked import Converted
     from ._keys import ScannerKeys
 
 
@@ -47,9 +48,12 @@ class Scanner(Checked):
 
     _ATTRIBUTES: ClassVar[tuple[str, ...]] = ("keys",)
 
+    if TYPE_CHECKING:
+        keys: Converted[dict[str, object], Mapping[str, object]] = Converted()
+
     def __init__(self, name: str | None = None, **keys: Unpack[ScannerKeys]) -> None:
         check_keys("Scanner", keys, "[scanner]")
-        self.keys: dict[str, object] = dict(keys)
+        self.keys = dict(keys)
         if name is not None:
             self.keys = {"catalogue": catalogue.scanner_reference(name), **keys}
 
@@ -93,7 +97,7 @@ class Scanner(Checked):
 
 
 class Platform(Checked):
-    """What carries the scanner.
+    """The carrier of a scanner.
 
     Parameters
     ----------

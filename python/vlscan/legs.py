@@ -14,6 +14,7 @@ from ._typing import Vector
 if TYPE_CHECKING:
     from typing_extensions import Unpack
 
+    from ._checked import Converted
     from ._keys import LegSettings
 
 
@@ -23,7 +24,7 @@ class FlownPart(NamedTuple):
     Attributes
     ----------
     start_s, end_s : float or None
-        Where it starts and ends, s in the time of the trajectory; ``None`` is where the trajectory does.
+        Start and end, s in the time of the trajectory; ``None`` stands for those of the trajectory.
     teleport : bool
         True if the platform jumps to the start instead of travelling there.
     """
@@ -56,11 +57,11 @@ class Leg(Checked):
     position : sequence of float
         x, y, z, world frame, m.
     on_ground : bool
-        Whether z is taken from the ground.
+        True if z is taken from the ground.
     speed_m_per_s : float, optional
         Speed on the way to the next leg.
     active : bool
-        Whether the scanner fires.
+        True if the scanner fires.
     strip : str, optional
         Name of a strip; legs of the same strip share their files.
     **settings : LegSettings
@@ -83,6 +84,10 @@ class Leg(Checked):
 
     _ATTRIBUTES: ClassVar[tuple[str, ...]] = ("position", "on_ground", "speed_m_per_s", "active", "strip", "settings")
 
+    if TYPE_CHECKING:
+        position: Converted[list[float], Vector] = Converted()
+        settings: Converted[dict[str, object], Mapping[str, object] | None] = Converted()
+
     def __init__(
         self,
         position: Vector = (0.0, 0.0, 0.0),
@@ -94,8 +99,11 @@ class Leg(Checked):
         **settings: Unpack[LegSettings],
     ) -> None:
         self.position = position
-        self.on_ground, self.speed_m_per_s, self.active, self.strip = on_ground, speed_m_per_s, active, strip
-        self.settings: dict[str, object] = dict(settings)
+        self.on_ground: bool = on_ground
+        self.speed_m_per_s: float | None = speed_m_per_s
+        self.active: bool = active
+        self.strip: str | None = strip
+        self.settings = dict(settings)
         self._flown: FlownPart | None = None
         self._templates: dict[str, Template] = {}
 

@@ -73,7 +73,7 @@ def make_scene(
     Parameters
     ----------
     kind : {"forest", "terrain", "room"}
-        What is made.
+        Kind of the scene.
     folder : str or path-like
         The folder that gets the files.
     triangles : int
@@ -85,13 +85,13 @@ def make_scene(
     pulses : int, optional
         About how many pulses the survey has.
     separate_trees : bool
-        Whether every tree of a forest is a part, so that points have the number of their tree.
+        True if every tree of a forest is a part, so that points have the number of their tree.
     models, copies : int, optional
         Number of different trees of a forest, and how often each is placed.
     voxels : int, optional
         Number of opaque voxels that are added to the crowns of a forest.
     force : bool
-        Whether files that exist are replaced.
+        If set, existing files are replaced.
 
     Returns
     -------
@@ -154,8 +154,7 @@ class Stand:
         Scene
             The scene.
         """
-        if not 0 <= number < len(self.trees):
-            raise IndexError(f"epoch {number}, and there are {len(self.trees)}")
+        self._check(number)
         return Scene(f"{self.file}#stand_{number}" if len(self.trees) > 1 else self.file, assets=[self.folder])
 
     def labels(self, epoch: int = 0) -> list[dict[str, str]]:
@@ -172,8 +171,7 @@ class Stand:
         list of dict
             The trees.
         """
-        name = "labels.csv" if len(self.trees) == 1 else f"labels_{epoch}.csv"
-        with open(self.folder / name, encoding="utf-8", newline="") as file:
+        with open(self._labels_file(epoch), encoding="utf-8", newline="") as file:
             return list(csv.DictReader(file))
 
     def to_pandas(self, epoch: int = 0) -> pandas.DataFrame:
@@ -189,9 +187,16 @@ class Stand:
         pandas.DataFrame
             A row for each tree.
         """
-        name = "labels.csv" if len(self.trees) == 1 else f"labels_{epoch}.csv"
-        frame: pandas.DataFrame = needed("pandas", "to_pandas()").read_csv(self.folder / name)
+        frame: pandas.DataFrame = needed("pandas", "to_pandas()").read_csv(self._labels_file(epoch))
         return frame
+
+    def _labels_file(self, epoch: int) -> Path:
+        self._check(epoch)
+        return self.folder / ("labels.csv" if len(self.trees) == 1 else f"labels_{epoch}.csv")
+
+    def _check(self, epoch: int) -> None:
+        if not 0 <= epoch < len(self.trees):
+            raise IndexError(f"epoch {epoch}, and there are {len(self.trees)}")
 
 
 def make_stand(
@@ -230,7 +235,7 @@ def make_stand(
     growth, thinning, storm : float
         Growth, trees felled, and trees thrown by a storm from epoch to epoch, percent.
     force : bool
-        Whether files that exist are replaced.
+        If set, existing files are replaced.
 
     Returns
     -------
@@ -304,7 +309,7 @@ def unzip(path: PathLike, to: PathLike, *, force: bool = False) -> int:
     to : str or path-like
         The file to write.
     force : bool
-        Whether a file that exists is replaced.
+        If set, an existing file is replaced.
 
     Returns
     -------

@@ -16,7 +16,7 @@ from ._typing import PathLike
 
 @dataclass(frozen=True)
 class Material:
-    """How a surface reflects, and which class its points get.
+    """Reflection of a surface, and the class of its points.
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ class Material:
         Name of a spectrum, which gives the reflectance at the scanner's wavelength: of a file in a ``spectra`` folder of the assets,
         or built in (:func:`vlscan.spectra`).
     is_ground : bool
-        Whether legs, and parts on the ground, stand on it.
+        True if legs, and parts on the ground, stand on it.
     diffuse : tuple of float
         Diffuse colour; all 0 with no specular colour is a surface that reflects alike in all directions.
     specular : tuple of float
@@ -201,7 +201,7 @@ class FileMaterial(Material):
     Parameters
     ----------
     *values, **fields : Any
-        Those of :class:`Material`.
+        Values of :class:`Material`.
     """
 
     _USUAL_REFLECTANCE = None

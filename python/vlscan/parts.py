@@ -34,7 +34,7 @@ class Part(PlacedPart):
     arguments : tuple
         Its arguments.
     place : object
-        Where the part stands.
+        Placement of the part.
     faces : tuple of int, optional
         Number of faces and of triangles in each, if known.
 
@@ -66,7 +66,7 @@ class Part(PlacedPart):
         material_of : array_like, optional
             Of several materials the index of the one of each face.
         id : str, optional
-            What the column ``ObjectId`` reports; a number by default.
+            Value of the column ``ObjectId``; a number by default.
 
         Returns
         -------
@@ -131,7 +131,7 @@ class Part(PlacedPart):
         material_of : array_like, optional
             As in :meth:`mesh`.
         id : str, optional
-            What the column ``ObjectId`` reports.
+            Value of the column ``ObjectId``.
 
         Returns
         -------
@@ -163,7 +163,7 @@ class Part(PlacedPart):
         up : str, optional
             The axis that points up, ``z`` (the default) or ``y``.
         id : str, optional
-            What the column ``ObjectId`` reports.
+            Value of the column ``ObjectId``.
 
         Returns
         -------
@@ -194,7 +194,7 @@ class Part(PlacedPart):
         materials : str or path-like, optional
             A table of materials (docs/scenes.md).
         id : str, optional
-            What the column ``ObjectId`` reports.
+            Value of the column ``ObjectId``.
 
         Returns
         -------
@@ -230,7 +230,7 @@ class Part(PlacedPart):
         material : str, optional
             Name of the material in that file; the alphabetically first by default.
         id : str, optional
-            What the column ``ObjectId`` reports.
+            Value of the column ``ObjectId``.
 
         Returns
         -------
@@ -275,13 +275,13 @@ class Part(PlacedPart):
         estimate_normals : int
             0: none; 1: normals by a plane through the points of each voxel; 2 and more: in batches.
         snap_neighbor_normal : bool
-            Whether a voxel has the normal of the point nearest to its centre, instead of their mean.
+            True if a voxel has the normal of the point nearest to its centre, instead of their mean.
         material_file : str or path-like, optional
             An MTL file.
         material : str, optional
             Name of the material in that file; the alphabetically first by default.
         id : str, optional
-            What the column ``ObjectId`` reports.
+            Value of the column ``ObjectId``.
 
         Returns
         -------
@@ -339,7 +339,7 @@ class Part(PlacedPart):
         exponent : float
             The exponent.
         random_shift : bool
-            Whether scaled cubes are moved within their cells.
+            True if scaled cubes are moved within their cells.
         leaf_angles : str or path-like, optional
             A table of leaf angles.
         material_file : str or path-like, optional
@@ -347,9 +347,9 @@ class Part(PlacedPart):
         material : str, optional
             Name of the material in that file; the alphabetically first by default.
         id : str, optional
-            What the column ``ObjectId`` reports.
+            Value of the column ``ObjectId``.
         drop_empty : bool
-            Whether voxels without vegetation are left out.
+            True if voxels without vegetation are left out.
 
         Returns
         -------
@@ -375,7 +375,7 @@ class Part(PlacedPart):
             A file that ends in ``.obj``, ``.ply``, ``.stl``, ``.gltf``, ``.glb``, ``.tif``, ``.vrt`` or ``.vox``; or a folder of tiles
             of a raster.
         id : str, optional
-            What the column ``ObjectId`` reports.
+            Value of the column ``ObjectId``.
         **settings : Any
             Keywords of :meth:`mesh_file`, :meth:`raster` or :meth:`voxels`.
 

@@ -59,9 +59,9 @@ class Plan:
     text : str
         The pipeline file, which ``vlscan run`` flies.
     promises : list of str
-        What the plan promises: duration, pulses, density, spacing, footprint.
+        Promises of the plan: duration, pulses, density, spacing, footprint.
     warnings : list of str
-        What there is to know of it.
+        Warnings about the plan.
     scene : Scene, optional
         The scene in memory that it was planned for; the text names one of a file.
     lines : list of PlanLine
@@ -149,7 +149,7 @@ class Plan:
         path : str or path-like
             The file, ``.toml``.
         force : bool
-            Whether a file that exists is replaced.
+            If set, an existing file is replaced.
 
         Raises
         ------
@@ -170,7 +170,7 @@ class Plan:
         path : str or path-like
             The file: ``.geojson`` or ``.kml`` in longitude and latitude, ``.csv`` in the coordinates of the plan, too.
         force : bool
-            Whether a file that exists is replaced.
+            If set, an existing file is replaced.
 
         Raises
         ------
@@ -242,7 +242,7 @@ def plan_airborne(
     buffer : float, optional
         Make the area a corridor: everything within this distance of the line, m.
     follow_line : bool
-        Whether flight lines follow the bends of the corridor's line instead of being straight.
+        True if flight lines follow the bends of the corridor's line instead of being straight.
     speed, density : float, optional
         Speed, m/s, and mean pulses per m²; one of them or ``min_density`` is needed.
     min_density : float, optional
@@ -262,7 +262,7 @@ def plan_airborne(
     turn_radius : float, optional
         Radius of turns between lines, m; by default the flight is straight to the next line.
     follow_terrain : bool
-        Whether the height is above the scene's ground instead of above its mean.
+        True if the height is above the scene's ground instead of above its mean.
     climb : float, optional
         Steepest climb with ``follow_terrain``, degrees.
     platform : str, optional
@@ -326,7 +326,7 @@ def plan_terrestrial(
     positions : int, optional
         Number of positions around it.
     at_centre : bool
-        Whether there is one at its centre, too.
+        True if there is one at its centre, too.
     at : iterable of tuple of float
         Places of the tripod, m, instead of an area with a grid, or a plot.
     resolution : float

@@ -18,7 +18,7 @@ from ._columns import columns_of
 from ._conversions import colours_of, crs_of_library, normals_of
 from ._libraries import needed, refuse_existing, save
 from ._notebook import picture_html, show_page
-from ._typing import PathLike, TableLike, Vector
+from ._typing import Displayed, PathLike, TableLike, Vector
 from ._values import values_of
 from .errors import InputError, temporary_folder, warn
 from .tables import Table
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     import geopandas
     import laspy
     import open3d
-    from IPython.display import HTML
 
 # Digits of 32-bit floats: coordinates beyond lose millimetres.
 _LOSSLESS_M = 1e-3 * 2.0**24
@@ -210,9 +209,9 @@ class Points(Table):
         crs : str, optional
             Coordinate reference system: a code such as ``EPSG:25832``, or WKT.
         labels : bool, optional
-            Whether LAS and PLY have part, primitive and true range.
+            True if LAS and PLY have part, primitive and true range.
         las10 : bool, optional
-            Whether LAS has version 1.0.
+            True if LAS has version 1.0.
         las_scale : float, optional
             Scale of LAS, m.
         las_extra : str, optional
@@ -222,7 +221,7 @@ class Points(Table):
         frame_s : float, optional
             Duration of the frames of MCAP, s.
         force : bool
-            Whether a file that exists is replaced.
+            If set, an existing file is replaced.
 
         Raises
         ------
@@ -467,7 +466,7 @@ class Points(Table):
         """
         return _vlscan.page(self._table, colour, title, max_points)
 
-    def show(self, colour: str = "height", title: str = "", max_points: int = 200_000) -> HTML | None:
+    def show(self, colour: str = "height", title: str = "", max_points: int = 200_000) -> Displayed | None:
         """Show the points: in a notebook as a view to turn around, otherwise as a page in the browser.
 
         Parameters
@@ -502,7 +501,7 @@ class Points(Table):
         width, height : int
             Size of a picture, pixels.
         force : bool
-            Whether a file that exists is replaced.
+            If set, an existing file is replaced.
 
         Raises
         ------

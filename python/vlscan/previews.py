@@ -3,20 +3,15 @@
 from __future__ import annotations
 
 import os
-from typing import TYPE_CHECKING
 
 from . import _vlscan
 from ._notebook import show_page
-from ._typing import PathLike
+from ._typing import Displayed, PathLike
 from ._values import renamed
 from .parts import Part
 from .points import Points
 from .scene import Scene
 from .survey import Survey
-
-if TYPE_CHECKING:
-    from IPython.display import HTML
-
 
 # Points on the surfaces of a scene that are drawn at most.
 _SCENE_POINTS = 200_000
@@ -35,7 +30,7 @@ def preview(
     height: int = 1000,
     max_points: int = 5_000_000,
     force: bool = False,
-) -> HTML | None:
+) -> Displayed | None:
     """Draw points, a survey over its scene, or the waveform of a pulse, as ``vlscan preview`` does.
 
     Parameters
@@ -53,13 +48,13 @@ def preview(
     title : str, optional
         A title; the name of the file by default.
     light : bool
-        Whether it is dark on white, for print.
+        True for a dark drawing on white, for print.
     width, height : int
         Size of a picture, pixels.
     max_points : int
         Maximum number of points in a page, evenly sampled.
     force : bool
-        Whether a file that exists is replaced.
+        If set, an existing file is replaced.
 
     Returns
     -------

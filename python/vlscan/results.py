@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class Result:
-    """What a run has measured. Results pickle.
+    """The points and other results of a run. Results pickle.
 
     Parameters
     ----------
@@ -152,7 +152,7 @@ class Batches(Iterator[Points]):
 
     @property
     def is_complete(self) -> bool:
-        """Whether the last batch has been taken, so that there is a result."""
+        """True if the last batch has been taken, so that there is a result."""
         return self._batches is not None and self._batches.outcome() is not None
 
     @property

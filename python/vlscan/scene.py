@@ -7,7 +7,7 @@ import json
 import operator
 import os
 from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,7 +16,7 @@ from . import _toml, _vlscan
 from ._conversions import unmasked
 from ._libraries import refuse_existing
 from ._notebook import picture_html, show_page
-from ._typing import PathLike, SceneFacts
+from ._typing import Displayed, PathLike, SceneFacts
 from ._values import values_of
 from .instruments import Scanner
 from .parts import Part, parts_of
@@ -26,10 +26,11 @@ from .points import Points
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from IPython.display import HTML
     from typing_extensions import Unpack
 
     from ._options import RunOptions
+
+Loaded = TypeVar("Loaded")
 
 # A scanner, for loading a scene before any survey is known: its wavelength matters where materials have spectra.
 _DEFAULT_SCANNER = "data/scanners_tls.xml#riegl_vz400"
@@ -84,7 +85,7 @@ class SceneGeometry(NamedTuple):
 
 
 class Scene:
-    """What is scanned.
+    """The geometry that is scanned.
 
     The scene and the tree over it are loaded by the first run, or by :meth:`load`, and shared by all later ones. Scenes pickle
     without what is loaded: a process that gets one loads it again.
@@ -204,16 +205,12 @@ class Scene:
 
     @property
     def is_loaded(self) -> bool:
-        """Whether scene and tree are in memory."""
+        """True if scene and tree are in memory."""
         return self._scene.is_loaded
 
     def _facts(self) -> SceneFacts:
         facts = self._scene.facts()
-        if facts is None:
-            facts = self.load()._scene.facts()
-        if facts is None:
-            raise RuntimeError("the scene was unloaded by another thread")
-        return facts
+        return _present(self.load()._scene.facts() if facts is None else facts)
 
     @property
     def bounds(self) -> NDArray[np.float64]:
@@ -250,10 +247,7 @@ class Scene:
         (True, True)
         """
         self._facts()
-        text = self._scene.report()
-        if text is None:
-            raise RuntimeError("the scene was unloaded by another thread")
-        facts: dict[str, Any] = json.loads(text)
+        facts: dict[str, Any] = json.loads(_present(self._scene.report()))
         del facts["seconds"]
         return facts
 
@@ -318,9 +312,7 @@ class Scene:
         """
         starts, ways = rays_of(origins, directions)
         self._facts()
-        found = self._scene.cast(starts.astype("<f8").tobytes(), ways.astype("<f8").tobytes())
-        if found is None:
-            raise RuntimeError("the scene was unloaded by another thread")
+        found = _present(self._scene.cast(starts.astype("<f8").tobytes(), ways.astype("<f8").tobytes()))
         distance, part, primitive, normal = (np.asarray(column) for column in found)
         return RayHits(distance, part, primitive, normal.reshape(-1, 3))
 
@@ -355,9 +347,7 @@ class Scene:
         [[3.0, 6.0, 1.333], [-3.0, 6.0, 2.667]]
         """
         self._facts()
-        found = _vlscan.scene_geometry(self._scene, None if part is None else self._index_of(part))
-        if found is None:
-            raise RuntimeError("the scene was unloaded by another thread")
+        found = _present(_vlscan.scene_geometry(self._scene, None if part is None else self._index_of(part)))
         vertices, triangles, centres, edges, primitive, of_part = (np.asarray(column) for column in found)
         return SceneGeometry(vertices.reshape(-1, 3), triangles.reshape(-1, 3), centres.reshape(-1, 3), edges, primitive, of_part)
 
@@ -388,12 +378,9 @@ class Scene:
             The points.
         """
         self._facts()
-        table = self._scene.sample(count)
-        if table is None:
-            raise RuntimeError("the scene was unloaded by another thread")
-        return Points(table)
+        return Points(_present(self._scene.sample(count)))
 
-    def show(self, colour: str = "height", max_points: int = 200_000) -> HTML | None:
+    def show(self, colour: str = "height", max_points: int = 200_000) -> Displayed | None:
         """Show the scene as points on its surfaces: in a notebook as a view to turn around, otherwise in the browser.
 
         Parameters
@@ -419,6 +406,13 @@ class Scene:
 
     def __repr__(self) -> str:
         return f"<Scene {self._name}>"
+
+
+def _present(value: Loaded | None) -> Loaded:
+    """Return what the engine has of a loaded scene."""
+    if value is None:
+        raise RuntimeError("the scene was unloaded by another thread")
+    return value
 
 
 def rays_of(origins: ArrayLike, directions: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -43,9 +43,9 @@ def run_shard(
     number, of : int
         The shard, from 0 to ``of`` - 1, and how many there are.
     resume : bool
-        Whether a shard that is complete is kept.
+        True if a shard that is complete is kept.
     waveforms, pulses : bool, optional
-        Whether the shard contains them.
+        True if the shard contains them.
     progress : callable or bool, optional
         As for :meth:`Survey.run`.
     **options : RunOptions

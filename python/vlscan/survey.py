@@ -49,7 +49,7 @@ class Survey(SurveyDescription):
     Parameters
     ----------
     scene : Scene, str, path-like, Part or iterable of Part, optional
-        What is scanned: a scene, a file, or parts.
+        The scene: a scene, a file, or parts.
     scanner : Scanner, str or mapping, optional
         A scanner, its name, or its keys.
     legs : iterable of Leg
@@ -98,7 +98,7 @@ class Survey(SurveyDescription):
             Files that are written, whose extensions tell the format (``.laz``, ``.copc.laz``, ``.las``, ``.parquet``,
             ``.geo.parquet``, ``.arrow``, ``.ply``, ``.csv``, ``.xyz``). Without it the points stay in memory.
         waveforms, pulses : bool, optional
-            Whether they are recorded, too.
+            True if they are recorded, too.
         progress : callable or bool, optional
             A function that is called about twenty times per second with the keywords ``pulses``, ``points``, ``leg`` and ``done`` (0
             to 1); or whether to show a bar of tqdm. By default there is a bar in notebooks where tqdm is installed.
@@ -177,7 +177,7 @@ class Survey(SurveyDescription):
         interval : float, optional
             Time from pose to pose, s; by default that of the survey, else 0.05.
         true : bool
-            Whether the poses are without errors of navigation.
+            True if the poses are without errors of navigation.
         **options : RunOptions
             As for :meth:`run`.
 
@@ -259,7 +259,7 @@ class Survey(SurveyDescription):
         rows : int
             Number of points of a batch.
         per_leg : bool
-            Whether a batch ends with its leg, too.
+            True if a batch ends with its leg, too.
         seconds : float, optional
             A batch ends at every multiple of so many seconds of ``GpsTime``, too: 0.1 yields the sweeps of a scanner that turns
             ten times per second.
@@ -473,13 +473,13 @@ def trace(
     Parameters
     ----------
     scene : Scene, str, path-like, Part or iterable of Part
-        What is scanned.
+        The scene.
     origins : array_like, optional
         Origins of the pulses, n by 3, world frame, m, or one for all.
     directions : array_like, optional
         Directions of the pulses, n by 3, of any length, or one for all.
     scanner : Scanner, str or mapping
-        What receives the echoes: its beam, its detector.
+        The scanner whose beam and detector are used.
     time : array_like, optional
         Times of emission, s; 0 by default.
     pulses : mapping, Arrow table or structured array, optional

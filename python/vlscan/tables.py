@@ -6,13 +6,14 @@ import copyreg
 import sys
 from collections.abc import Iterator, Sequence
 from difflib import get_close_matches
-from typing import TYPE_CHECKING, Any, TypeAlias, overload
+from typing import TYPE_CHECKING, Any, TypeAlias, cast, overload
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from . import _vlscan
 from ._libraries import needed
+from ._typing import ColumnArray
 
 if TYPE_CHECKING:
     import pandas
@@ -51,7 +52,7 @@ class Table:
 
     def __init__(self, table: _vlscan.Table) -> None:
         self._table = table
-        self._columns: dict[str, NDArray[Any]] = {}
+        self._columns: dict[str, ColumnArray] = {}
 
     if not TYPE_CHECKING:
 
@@ -64,10 +65,10 @@ class Table:
         return len(self._table)
 
     @overload
-    def __getitem__(self, key: str) -> NDArray[Any]: ...
+    def __getitem__(self, key: str) -> ColumnArray: ...
     @overload
     def __getitem__(self, key: slice | Rows) -> Self: ...
-    def __getitem__(self, key: str | slice | Rows) -> NDArray[Any] | Self:
+    def __getitem__(self, key: str | slice | Rows) -> ColumnArray | Self:
         """Return a column by name, or rows by a slice, a mask or indices."""
         if isinstance(key, str):
             return self._column(key)
@@ -77,10 +78,10 @@ class Table:
         """Refuse to change a table, with advice."""
         raise TypeError(f"{type(self).__name__} cannot be changed; change table.to_pandas(), of which Points.of(frame) makes points")
 
-    def _column(self, name: str) -> NDArray[Any]:
+    def _column(self, name: str) -> ColumnArray:
         if name not in self._columns:
             try:
-                self._columns[name] = np.asarray(self._table.column(name))
+                self._columns[name] = cast(ColumnArray, np.asarray(self._table.column(name)))
             except KeyError:
                 close = get_close_matches(name.lower(), [column.lower() for column in self.columns], 1)
                 near = next((column for column in self.columns if close and column.lower() == close[0]), None)
@@ -141,7 +142,7 @@ class Table:
         """
         return self.columns
 
-    def values(self) -> list[NDArray[Any]]:
+    def values(self) -> list[ColumnArray]:
         """Return the columns.
 
         Returns
@@ -151,7 +152,7 @@ class Table:
         """
         return [self[name] for name in self.columns]
 
-    def items(self) -> list[tuple[str, NDArray[Any]]]:
+    def items(self) -> list[tuple[str, ColumnArray]]:
         """Return the columns with their names.
 
         Returns
@@ -173,7 +174,7 @@ class Table:
 
     @property
     def descriptions(self) -> dict[str, str]:
-        """What the columns mean."""
+        """Meanings of the columns, by name."""
         return self._table.descriptions
 
     @property
@@ -354,13 +355,13 @@ class Waveforms(Table):
     def _is_list(self, name: str) -> bool:
         return name == "samples"
 
-    def _column(self, name: str) -> NDArray[Any]:
+    def _column(self, name: str) -> ColumnArray:
         """Return a column by name; ``samples`` as an array of arrays."""
         if self._is_list(name):
             rows = np.empty(len(self), dtype=object)
             for row in range(len(self)):
                 rows[row] = self.samples(row)
-            return rows
+            return cast(ColumnArray, rows)
         return super()._column(name)
 
 

@@ -15,7 +15,7 @@ const HEAD: &str = r#""""The options of a run. `vlscan man --python` writes this
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from datetime import datetime
 from typing import Literal, TypedDict
 
@@ -97,7 +97,7 @@ const NAMES: [(TypeId, &str, &[&str]); 21] = [
     (TypeId::of::<Seed>(), "int | float | str", &["integer", "number", "string"]),
     (TypeId::of::<GpsStart>(), "float | str | datetime", &["number", "string"]),
     (TypeId::of::<Vector>(), "str | Vector", &["string", "array"]),
-    (TypeId::of::<ColumnList>(), "str | Sequence[str]", &["string", "array"]),
+    (TypeId::of::<ColumnList>(), "str | Iterable[str]", &["string", "array"]),
     (TypeId::of::<Crs>(), "int | PathLike", &["integer", "string"]),
     (TypeId::of::<NavigationError>(), "Mapping[str, float | Sequence[float]]", &["object"]),
 ];

@@ -45,8 +45,9 @@ pub enum ProblemKind {
     Exists,
     /// Input that needs more memory than the limit allows, or has more elements than can be numbered.
     TooLarge,
-    /// An index of something that the input does not have, such as a face of a mesh.
-    OutOfBounds,
+    /// A reference to something that the input does not have: an element with that id, a face with that
+    /// number.
+    MissingEntry,
     /// A file that ends before its content does.
     Truncated,
     /// Valid input with a feature that is not supported.

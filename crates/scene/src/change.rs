@@ -229,7 +229,7 @@ pub(super) fn apply(scene: &mut SceneBuilder, part: &PartSource, changes: &Mater
                                 "a material is for face {i}, but the part has {count}, counted from 0"
                             );
                             let problem = scene.diagnostics.error(part.place.cloned(), message);
-                            problem.of_kind(ProblemKind::OutOfBounds);
+                            problem.of_kind(ProblemKind::MissingEntry);
                         }
                         break;
                     };
@@ -399,7 +399,7 @@ mod tests {
         f.parts[0].changes = vec![MaterialChange { replaced: Replaced::Faces(vec![2, 4]), material }].into();
         let error = f.load().unwrap_err();
         assert!(error.to_string().contains("face 4, but the part has 4"), "{error}");
-        assert!(matches!(error, Error::Input(problems) if problems.has(ProblemKind::OutOfBounds)));
+        assert!(matches!(error, Error::Input(problems) if problems.has(ProblemKind::MissingEntry)));
     }
 
     #[test]

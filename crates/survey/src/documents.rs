@@ -202,7 +202,8 @@ impl Context {
                 None if ids.is_empty() => format!("the file holds no <{kind}> at all"),
                 None => format!("the file holds: {}", shortened(&ids)),
             };
-            self.error_help(place, format!("there is {what} in {}", root.path().display()), help);
+            let message = format!("there is {what} in {}", root.path().display());
+            self.problems.borrow_mut().error(place, message).of_kind(ProblemKind::MissingEntry).help(help);
         }
         found
     }

@@ -33,3 +33,25 @@ points = vlscan.Points.of({"X": [0.0], "Y": [0.0], "Z": [0.0]})
 points.write("x.laz")
 result = survey.run(to=["a.laz", "b.ply"], seed=1, threads=2)
 result.points[result.points["Z"] > 0].write("b.laz")
+ground: vlscan.Points = result.points[result.points["Classification"] == 2]
+low = result.points[(result.points["Z"] < 1) & (result.points["Intensity"] != 0)]
+low.write("low.laz")
+heights: NDArray[np.float64] = low["Z"] - low["Z"].min()
+result = vlscan.run("survey.xml", columns=vlscan.columns(), seed=1)
+opened = vlscan.Survey.open("survey.xml")
+if opened.scene is not None:
+    print(opened.scene.bounds)
+survey.scene, survey.scanner, survey.platform = wall, {"catalogue": "vlp16"}, "linear_path"
+leg.position = np.array([1, 2, 3])
+leg.position[2] += 1
+survey.legs = (leg,)
+survey.legs.append(leg)
+survey.settings = None
+survey.settings["pulse_freq_hz"] = 100_000
+vlscan.Survey.from_document("<document/>", trajectories={"flight": np.zeros((3, 7))}).run(seed=1)
+try:
+    survey.run()
+except vlscan.InputError as error:
+    print([problem.kind == "not_found" for problem in error.problems])
+view = vlscan.preview("survey.xml")
+print(view is None, heights.max())

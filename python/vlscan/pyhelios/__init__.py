@@ -11,8 +11,8 @@ try:
     from vlscan_helios import v2
     from vlscan_helios.v2 import *  # noqa: F403
     from vlscan_helios.v2 import __version__ as __version__
-except ImportError as failure:
-    raise ImportError(f"vlscan.pyhelios is a distribution of its own: pip install vlscan-helios ({failure})") from failure
+except ImportError as _failure:
+    raise ImportError(f"vlscan.pyhelios is a distribution of its own: pip install vlscan-helios ({_failure})") from _failure
 
 from . import util as util
 

@@ -137,7 +137,7 @@ class Records(Sequence[_R]):
 
 
 class Output:
-    """What a simulation has measured and written.
+    """Results and files of a simulation.
 
     Also a sequence of ``measurements``, ``trajectories``, ``filepath``, ``filepaths``, and whether these are complete.
 
@@ -160,14 +160,17 @@ class Output:
     ) -> None:
         self._parts, self._poses = list(parts), trajectory
         #: Paths of all files, and the folder that they are in; none without files.
-        self.files, self.folder = list(files), folder
+        self.files: list[str] = list(files)
+        self.folder: str = folder
         #: Duration of the simulation, s.
-        self.seconds = seconds
+        self.seconds: float = seconds
         points = [file for file in self.files if "_points" in os.path.basename(file)]
         #: Paths of the files of points; two names of them.
-        self.outpaths = self.filepaths = points or self.files
+        self.outpaths: list[str] = points or self.files
+        self.filepaths: list[str] = self.outpaths
         #: Path of the first file of points; two names of it.
-        self.outpath = self.filepath = self.filepaths[0] if self.filepaths else ""
+        self.outpath: str = self.filepaths[0] if self.filepaths else ""
+        self.filepath: str = self.outpath
 
     @cached_property
     def points(self) -> Points:

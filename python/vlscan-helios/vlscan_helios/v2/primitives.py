@@ -23,7 +23,8 @@ class Box:
 
     def __init__(self, lowest: ArrayLike, highest: ArrayLike) -> None:
         #: The corners.
-        self.min, self.max = Vector(np.asarray(lowest, float).tolist()), Vector(np.asarray(highest, float).tolist())
+        self.min: Vector = Vector(np.asarray(lowest, float).tolist())
+        self.max: Vector = Vector(np.asarray(highest, float).tolist())
 
     @property
     def bounds(self) -> tuple[Vector, Vector]:

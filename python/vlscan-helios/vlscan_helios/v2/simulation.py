@@ -32,7 +32,7 @@ _OF_PLAYBACK = ("getLeg", "getNumLegs", "newLeg", "removeLeg", "getScene", "getS
 
 @dataclass
 class Recipe:
-    """What a builder has collected."""
+    """Values that a builder has collected."""
 
     survey: str
     assets: list[str] = field(default_factory=list)
@@ -52,7 +52,7 @@ class Simulation:
     Parameters
     ----------
     recipe : Recipe
-        What is run.
+        Survey, options and callback of the simulation.
     """
 
     def __init__(self, recipe: Recipe) -> None:

@@ -98,7 +98,7 @@ class Settings(View):
 
 
 class ScannerSettings(Settings):
-    """What the scanner does on a leg; SI units, angles in rad."""
+    """Scanner settings of a leg; SI units, angles in rad."""
 
     NAMES: ClassVar[dict[str, str]] = {
         **{"active": "is_active", "pulseFreq": "pulse_frequency", "scanFreq": "scan_frequency", "scanAngle": "scan_angle"},
@@ -111,12 +111,17 @@ class ScannerSettings(Settings):
 
 
 class PlatformSettings(Settings):
-    """Where a leg begins, m, and how fast the platform moves, m/s."""
+    """Start of a leg, m, and speed of the platform, m/s."""
 
     NAMES: ClassVar[dict[str, str]] = {
         **{"x": "x", "y": "y", "z": "z", "onGround": "force_on_ground"},
         **{"movePerSec": "speed_m_s", "speed": "speed_m_s"},
     }
+
+    if TYPE_CHECKING:
+        x: float
+        y: float
+        z: float
 
     @property
     def position(self) -> tuple[float, float, float]:
@@ -186,12 +191,12 @@ class LegView(View):
 
     @property
     def scannerSettings(self) -> ScannerSettings:
-        """What the scanner does."""
+        """Scanner settings."""
         return ScannerSettings(self._model.scanner_settings, self._is_started, partial(self._template, "scanner"))
 
     @property
     def platformSettings(self) -> PlatformSettings:
-        """Where it begins."""
+        """Platform settings: the start of the leg."""
         return PlatformSettings(self._model.platform_settings, self._is_started, partial(self._template, "platform"))
 
     def getScannerSettings(self) -> ScannerSettings:
@@ -261,7 +266,7 @@ class SurveyView(View):
 
     @property
     def platform(self) -> Instrument:
-        """What carries the scanner."""
+        """The carrier of a scanner."""
         return Instrument(self._model.platform, self._is_started)
 
     def getScanner(self) -> ScannerView:
@@ -341,7 +346,7 @@ _OF_SIMULATION = ("copy", "start", "pause", "resume", "stop", "join", "isStarted
 
 
 class Playback:
-    """What a simulation plays: its survey.
+    """The survey that a simulation plays.
 
     Parameters
     ----------

@@ -29,7 +29,7 @@ class HookPoint(StrEnum):
 
 
 class HookPayload(StrEnum):
-    """Which points a hook gets: none, those since its last call, or all so far."""
+    """Points that a hook gets: none, those since its last call, or all so far."""
 
     METADATA_ONLY = "metadata_only"
     SINCE_LAST = "since_last"
@@ -37,7 +37,7 @@ class HookPayload(StrEnum):
 
 
 class HookEndOfLegPolicy(StrEnum):
-    """What a periodic hook does at the end of a leg: nothing, a call, or a call and a new period."""
+    """Action of a periodic hook at the end of a leg: none, a call, or a call and a new period."""
 
     NONE = "none"
     FLUSH = "flush"
@@ -46,7 +46,7 @@ class HookEndOfLegPolicy(StrEnum):
 
 @dataclass(frozen=True)
 class HookContext:
-    """What a hook is told. Times are simulated ones, s.
+    """State of a run, as hooks get it. Times are simulated ones, s.
 
     Parameters
     ----------
@@ -126,9 +126,9 @@ class SurveyHook(Model):
     barrier : bool
         Without effect: points up to the call are always complete.
     payload : HookPayload
-        Which points it gets.
+        Points that it gets.
     end_of_leg_policy : HookEndOfLegPolicy, optional
-        What a periodic hook does at the end of a leg; nothing by default.
+        Action of a periodic hook at the end of a leg; none by default.
     sim_time : quantity, optional
         Simulated time of ``SIM_TIME_ONCE``; start of ``SIM_TIME_PERIODIC``, which is first called a period later, 0 by default.
     period : quantity, optional
@@ -192,7 +192,7 @@ def _takes(callback: Callable[..., Any], count: int) -> bool:
 
 @dataclass(frozen=True)
 class RunFacts:
-    """What hooks are told of a run.
+    """Facts about a run, for hooks.
 
     Parameters
     ----------
@@ -219,7 +219,7 @@ class HookDispatcher:
     num_legs : int
         Number of legs.
     facts : RunFacts
-        What hooks are told of the run.
+        Facts about the run.
     """
 
     def __init__(self, hooks: Sequence[SurveyHook], num_legs: int, facts: RunFacts | None = None) -> None:
@@ -229,7 +229,7 @@ class HookDispatcher:
         self._points: list[NDArray[np.void]] = []
         self._count, self._pulse = 0, 0
         self._poses = np.empty(0, traj_dtype)
-        #: Whether points are kept, for hooks that ask for them and for :meth:`collected`.
+        #: True if points are kept, for hooks that ask for them and for :meth:`collected`.
         self.keeps_points = True
 
     def feed(self, points: NDArray[np.void], times: NDArray[np.float64]) -> None:
@@ -379,7 +379,7 @@ class _ProgressBarCallbacks:
     Parameters
     ----------
     strategy : ProgressBarStrategy
-        What they show.
+        Contents of the bars.
     num_legs : int
         Number of legs.
     tqdm : callable
@@ -455,7 +455,7 @@ def build_progressbar_callbacks(
     Parameters
     ----------
     strategy : ProgressBarStrategy
-        What they show.
+        Contents of the bars.
     num_legs : int
         Number of legs.
 
@@ -464,7 +464,7 @@ def build_progressbar_callbacks(
     hooks : tuple of SurveyHook
         The hooks; none without bars.
     bars : object or None
-        What the hooks draw on, to be closed after the run.
+        The bars, to be closed after the run.
     """
     strategy = ProgressBarStrategy(strategy)
     tqdm = None if strategy == ProgressBarStrategy.NONE else _tqdm()

@@ -1,4 +1,4 @@
-"""Legs: where they begin, and what the scanner does."""
+"""Legs: their start, and the settings of the scanner."""
 
 from __future__ import annotations
 
@@ -30,21 +30,23 @@ class LegSource:
     """
 
     def __init__(self, element: Element, as_read: Leg, templates: Mapping[str, Template]) -> None:
-        self.element, self.as_read, self.templates = element, as_read, templates
+        self.element: Element = element
+        self.as_read: Leg = as_read
+        self.templates: Mapping[str, Template] = templates
 
     def __deepcopy__(self, memo: object) -> LegSource:
         return self
 
 
 class Leg(Model):
-    """A leg: where it begins, and what the scanner does.
+    """A leg: its start, and the settings of the scanner.
 
     Parameters
     ----------
     scanner_settings : ScannerSettingsBase
-        What the scanner does.
+        Settings of the scanner.
     platform_settings : PlatformSettingsBase
-        Where it begins.
+        Start of the leg.
     trajectory_settings : TrajectorySettings, optional
         The part of a trajectory that is flown.
     """

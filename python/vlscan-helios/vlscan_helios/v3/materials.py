@@ -24,14 +24,14 @@ def _none() -> Any:
 
 
 class Material(Model, UpdateableMixin):
-    """How a surface reflects.
+    """Reflection of a surface.
 
     Parameters
     ----------
     name : str
         Name.
     is_ground : bool
-        Whether legs, and parts on the ground, stand on it.
+        True if legs, and parts on the ground, stand on it.
     spectra : str
         Name of a spectrum, whose reflectance at the scanner's wavelength counts.
     reflectance : float

@@ -22,7 +22,9 @@ if TYPE_CHECKING:
     from .scene import StaticScene
 
 #: A row of a trajectory: time (s), angles, position (m).
-traj_csv_dtype = np.dtype([("t", "f8"), ("roll", "f8"), ("pitch", "f8"), ("yaw", "f8"), ("x", "f8"), ("y", "f8"), ("z", "f8")])
+traj_csv_dtype: np.dtype[np.void] = np.dtype(
+    [("t", "f8"), ("roll", "f8"), ("pitch", "f8"), ("yaw", "f8"), ("x", "f8"), ("y", "f8"), ("z", "f8")]
+)
 
 _ANGLES = ("roll", "pitch", "yaw")
 
@@ -55,7 +57,7 @@ class Printable:
 
 
 class PlatformSettingsBase(Printable, Model, UpdateableMixin):
-    """Where a leg begins, and how the platform moves."""
+    """Start of a leg, and motion of the platform."""
 
 
 class TrajectorySettings(PlatformSettingsBase):
@@ -67,7 +69,7 @@ class TrajectorySettings(PlatformSettingsBase):
 
 
 class PlatformSettings(PlatformSettingsBase):
-    """Where a leg begins."""
+    """Start of a leg, world frame, m."""
 
     x: Coordinate = 0
     y: Coordinate = 0
@@ -94,7 +96,7 @@ class PlatformSettings(PlatformSettingsBase):
 
 
 class StaticPlatformSettings(PlatformSettingsBase):
-    """Where a platform stands."""
+    """Position of a platform that stands, world frame, m."""
 
     x: Coordinate = 0
     y: Coordinate = 0
@@ -103,7 +105,7 @@ class StaticPlatformSettings(PlatformSettingsBase):
 
 
 class DynamicPlatformSettings(PlatformSettings):
-    """Where a leg begins, and how fast the platform moves to the next one."""
+    """Start of a leg, world frame, m, and speed of the platform on the way to the next one, m/s."""
 
     trajectory_settings: TrajectorySettings = Field(default_factory=TrajectorySettings)
     speed_m_s: Speed = 70
@@ -111,7 +113,7 @@ class DynamicPlatformSettings(PlatformSettings):
 
 
 class Platform(Named):
-    """What carries the scanner: see :func:`platform_from_name`, :func:`list_platforms` and :meth:`from_xml`."""
+    """The carrier of a scanner: see :func:`platform_from_name`, :func:`list_platforms` and :meth:`from_xml`."""
 
     platform_settings: PlatformSettingsBase | None = None
     _trajectory: NDArray[np.void] | None = PrivateAttr(None)
@@ -134,12 +136,12 @@ class Platform(Named):
 
     @property
     def sync_gps_time(self) -> bool:
-        """Whether points have the times of the recorded poses."""
+        """True if points have the times of the recorded poses."""
         return self._sync_gps_time
 
     @property
     def is_static(self) -> bool:
-        """Whether it does not move between legs."""
+        """True if it does not move between legs."""
         if self._trajectory is not None or self._follows_file:
             return False
         if self._is_static is None:
@@ -148,7 +150,7 @@ class Platform(Named):
 
     @property
     def follows_file(self) -> bool:
-        """Whether it follows poses that the legs of a survey file name."""
+        """True if it follows poses that the legs of a survey file name."""
         return self._follows_file
 
     def flown(
@@ -166,13 +168,13 @@ class Platform(Named):
         trajectory : numpy.ndarray, optional
             Poses of :data:`traj_csv_dtype` that it follows.
         follows_file : bool
-            Whether it follows poses that the legs of a survey file name.
+            True if it follows poses that the legs of a survey file name.
         rotation_spec : str
             Meaning of the angles of poses.
         sync_gps_time : bool
-            Whether points have the times of the poses.
+            True if points have the times of the poses.
         is_static : bool, optional
-            Whether it stands, where that is known from its file.
+            True if it stands, where that is known from its file.
 
         Returns
         -------
@@ -238,9 +240,9 @@ class Platform(Named):
         interpolation_method : str
             Meaning of the angles: ``ARINC 705`` or ``CANONICAL``.
         sync_gps_time : bool
-            Whether points have the times of the trajectory.
+            True if points have the times of the trajectory.
         is_roll_pitch_yaw_in_radians : bool
-            Whether the angles are radians; else they are degrees.
+            True if the angles are radians; else they are degrees.
 
         Returns
         -------
@@ -355,7 +357,7 @@ def load_traj_csv(
     trajectory_separator : str
         Character between columns.
     rpy_in_radians : bool
-        Whether the angles of the file are radians; else they are degrees, and become radians.
+        True if the angles of the file are radians; else they are degrees, and become radians.
 
     Returns
     -------

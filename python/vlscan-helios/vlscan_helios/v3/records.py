@@ -13,7 +13,7 @@ from vlscan.tables import Table
 from .utils import meas_dtype, traj_dtype
 
 # Fields of a point and the columns of the engine that they hold.
-_COLUMNS = {
+_COLUMNS: dict[str, str | tuple[str, ...]] = {
     "channel_id": "Device",
     "hit_object_id": "ObjectId",
     "position": ("X", "Y", "Z"),
@@ -31,7 +31,10 @@ _COLUMNS = {
 }
 
 #: The columns that records and laspy objects are made of.
-COLUMNS = [name for names in _COLUMNS.values() for name in ([names] if isinstance(names, str) else names)] + ["Intensity", "ScanAngle"]
+COLUMNS: list[str] = [name for names in _COLUMNS.values() for name in ([names] if isinstance(names, str) else names)] + [
+    "Intensity",
+    "ScanAngle",
+]
 
 
 def point_records(points: Points) -> NDArray[np.void]:

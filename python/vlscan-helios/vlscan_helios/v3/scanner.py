@@ -61,11 +61,11 @@ _NAMES = {
 
 
 class ScannerSettingsBase(Model, UpdateableMixin):
-    """What any scanner does on a leg."""
+    """Settings of any scanner on a leg."""
 
 
 class ScannerSettings(ScannerSettingsBase):
-    """What the scanner does on a leg.
+    """Settings of the scanner on a leg.
 
     A scan angle, a rate of the head or a resolution of 0, a divergence of 3 mrad and vertical angles of NaN are the scanner's own
     values.
@@ -88,7 +88,7 @@ class ScannerSettings(ScannerSettingsBase):
 
 
 class RotatingOpticsScannerSettings(ScannerSettingsBase):
-    """What a scanner with a head that turns does on a leg."""
+    """Settings of a scanner with a head that turns."""
 
     is_active: bool = True
     head_rotation: AngleVelocity = 0
@@ -97,19 +97,19 @@ class RotatingOpticsScannerSettings(ScannerSettingsBase):
 
 
 class OscillatingOpticsScannerSettings(ScannerSettingsBase):
-    """What a scanner with an oscillating mirror does on a leg: what is its own."""
+    """Settings that only a scanner with an oscillating mirror has: none."""
 
 
 class LineOpticsScannerSettings(ScannerSettingsBase):
-    """What a scanner with fibres does on a leg: what is its own."""
+    """Settings that only a scanner with fibres has: none."""
 
 
 class ConicOpticsScannerSettings(ScannerSettingsBase):
-    """What a scanner with a conical mirror does on a leg: what is its own."""
+    """Settings that only a scanner with a conical mirror has: none."""
 
 
 class RisleyOpticsScannerSettings(ScannerSettingsBase):
-    """What a scanner with prisms does on a leg: what is its own."""
+    """Settings that only a scanner with prisms has: none."""
 
 
 class Named(Model):
@@ -150,7 +150,7 @@ class Named(Model):
 
     @property
     def is_of_file(self) -> bool:
-        """Whether it is that of an XML file."""
+        """True if it is that of an XML file."""
         return bool(self._reference)
 
     def _identity(self) -> object:
@@ -173,7 +173,7 @@ def check_id(read: Callable[[str], object], reference: str, kind: str) -> None:
     try:
         read(reference)
     except InputError as error:
-        if not any(problem.message.startswith("there is no <") for problem in error.problems):
+        if all(problem.kind != "missing_entry" for problem in error.problems):
             raise
         file, _, id = reference.partition("#")
         hint = "" if os.path.exists(file) else f"; list_{kind}s() lists those that ship"

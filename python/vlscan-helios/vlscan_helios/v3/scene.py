@@ -100,7 +100,7 @@ class StaticScene(Model):
         file : str
             The file, or ``file.xml#id``.
         is_packed : bool
-            Whether it is a packed scene, whatever its extension.
+            True if it is a packed scene, whatever its extension.
 
         Returns
         -------
@@ -162,17 +162,17 @@ class StaticScene(Model):
 
     @property
     def is_loaded(self) -> bool:
-        """Whether the scene is in memory, ready to be traced."""
+        """True if the scene is in memory, ready to be traced."""
         return self._scene is not None and self._scene.is_loaded
 
     @property
     def is_of_file(self) -> bool:
-        """Whether it was read from a file."""
+        """True if it was read from a file."""
         return self._file is not None
 
     @property
     def is_as_read(self) -> bool:
-        """Whether it is that of a file, and no part was changed."""
+        """True if it is that of a file, and no part was changed."""
         return self._file is not None and [part.state() for part in self.scene_parts] == self._as_read
 
     def engine(self) -> Scene:

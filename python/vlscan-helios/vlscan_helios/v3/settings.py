@@ -37,14 +37,14 @@ class StrEnum(str, enum.Enum):
 
 
 class ParallelizationStrategy(enum.IntEnum):
-    """How pulses are handed out to threads; the points are the same."""
+    """Distribution of pulses to threads; the points are the same."""
 
     CHUNK = 0
     WAREHOUSE = 1
 
 
 class LogVerbosity(enum.IntEnum):
-    """What a run reports. Runs print nothing: their warnings are Python warnings."""
+    """Messages of a run. Runs print nothing: their warnings are Python warnings."""
 
     SILENT = 0
     QUIET = 32
@@ -59,7 +59,7 @@ class LogVerbosity(enum.IntEnum):
 
 
 class KDTreeFactoryType(enum.IntEnum):
-    """How the tree of a scene is built; the points are the same."""
+    """Builders of the tree of a scene; the points are the same."""
 
     SIMPLE = 1
     SAH = 2
@@ -68,7 +68,7 @@ class KDTreeFactoryType(enum.IntEnum):
 
 
 class OutputFormat(StrEnum):
-    """What a run returns (``NPY``, ``LASPY``) or writes."""
+    """Formats that a run returns (``NPY``, ``LASPY``) or writes."""
 
     LAS = "las"
     LAZ = "laz"
@@ -78,7 +78,7 @@ class OutputFormat(StrEnum):
 
 
 class ProgressBarStrategy(StrEnum):
-    """What progress bars show."""
+    """Contents of progress bars."""
 
     NONE = "none"
     LEGS = "legs"
@@ -88,7 +88,7 @@ class ProgressBarStrategy(StrEnum):
 
 
 class ForceOnGroundStrategy(enum.IntEnum):
-    """How a part is lowered to the ground: a number above 1 is that of the corners that are looked at."""
+    """Ways to lower a part to the ground: a number above 1 is the number of corners that are looked at."""
 
     NONE = 0
     LEAST_COMPLEX = 1
@@ -98,7 +98,7 @@ class ForceOnGroundStrategy(enum.IntEnum):
 class ExecutionSettings(Model, UpdateableMixin):
     """Threads, log files, progress; none of them changes the points.
 
-    What is not given is left to the engine, whose own defaults suit it: chunks of 1024 pulses and a tree of boxes.
+    The engine uses its own defaults for settings that are not given: chunks of 1024 pulses and a tree of boxes.
     """
 
     parallelization: ParallelizationStrategy = ParallelizationStrategy.CHUNK
@@ -117,7 +117,7 @@ class ExecutionSettings(Model, UpdateableMixin):
 
 
 class OutputSettings(Model, UpdateableMixin):
-    """What a run returns or writes."""
+    """Format, folder and contents of the results of a run."""
 
     format: OutputFormat = OutputFormat.NPY
     split_by_channel: bool = False

@@ -77,9 +77,9 @@ class Survey(Model):
     scanner : Scanner
         The scanner.
     platform : Platform
-        What carries it.
+        The carrier of the scanner.
     scene : StaticScene
-        What is scanned.
+        The scene.
     legs : tuple of Leg
         The legs.
     name : str
@@ -214,9 +214,9 @@ class Survey(Model):
         execution_settings : ExecutionSettings, optional
             Threads, over those of :func:`set_execution_settings`.
         output_settings : OutputSettings, optional
-            What is returned or written, over those of :func:`set_output_settings`.
+            Output of the run, over the settings of :func:`set_output_settings`.
         callbacks : sequence of SurveyHook, optional
-            What is called while it runs.
+            Hooks that are called during the run.
         **parameters : Any
             Keywords of these settings, which replace values of these.
 
@@ -232,7 +232,7 @@ class Survey(Model):
         HeliosException
             Input of the engine is invalid, or a file cannot be read or written.
         NotImplementedError
-            What a format has no place for; the message says what to do.
+            An output that the format cannot hold; the message says what to do.
         """
         for_execution, for_output = distribute(parameters, ExecutionSettings.model_fields, OutputSettings.model_fields)
         execution = compose_execution_settings(execution_settings, for_execution)
@@ -299,12 +299,12 @@ class Survey(Model):
 
     @property
     def is_of_file(self) -> bool:
-        """Whether it was read from a file."""
+        """True if it was read from a file."""
         return self._document is not None
 
     @property
     def is_loaded(self) -> bool:
-        """Whether its scene is loaded."""
+        """True if its scene is loaded."""
         return self.scene.is_loaded
 
     def _is_as_read(self) -> bool:
@@ -316,7 +316,7 @@ class Survey(Model):
 
     @property
     def has_own_waveform(self) -> bool:
-        """Whether waveform settings were given."""
+        """True if waveform settings were given."""
         return "full_waveform_settings" in self.model_fields_set
 
     def engine(self) -> EngineSurvey:

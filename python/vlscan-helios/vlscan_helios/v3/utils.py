@@ -50,7 +50,7 @@ else:
 
 
 #: A point, packed.
-meas_dtype = np.dtype(
+meas_dtype: np.dtype[np.void] = np.dtype(
     [
         ("channel_id", "<u8"),
         ("hit_object_id", "<i4"),
@@ -70,7 +70,9 @@ meas_dtype = np.dtype(
 )
 
 #: A pose: time (s), position (m), angles (rad).
-traj_dtype = np.dtype([("gps_time", "<f8"), ("position", "<f8", (3,)), ("roll", "<f8"), ("pitch", "<f8"), ("yaw", "<f8")])
+traj_dtype: np.dtype[np.void] = np.dtype(
+    [("gps_time", "<f8"), ("position", "<f8", (3,)), ("roll", "<f8"), ("pitch", "<f8"), ("yaw", "<f8")]
+)
 
 _asset_directories: list[Path] = []
 _seed: list[int | float | str] = []
@@ -190,7 +192,7 @@ def find_file(filename: str | os.PathLike[str], fatal: bool = True) -> Path | No
     filename : str or path-like
         The name.
     fatal : bool
-        Whether a missing file is an error.
+        True if a missing file is an error.
 
     Returns
     -------
@@ -244,7 +246,7 @@ def find_files(filename: str | os.PathLike[str], fatal: bool = True) -> list[Pat
     filename : str or path-like
         A name or a pattern (``trees/*.obj``).
     fatal : bool
-        Whether it is an error that nothing matches.
+        True if no match is an error.
 
     Returns
     -------
@@ -312,7 +314,7 @@ def is_real_iterable(value: object) -> bool:
     Returns
     -------
     bool
-        Whether it is.
+        True if it is.
     """
     if isinstance(value, (str, bytes, Mapping)) or hasattr(type(value), "model_fields"):
         return False
@@ -471,7 +473,7 @@ def is_finalized(obj: object) -> bool:
     Returns
     -------
     bool
-        Whether it is.
+        True if it is.
     """
     return bool(getattr(obj, "is_loaded", False))
 
@@ -487,7 +489,7 @@ def is_xml_loaded(obj: object) -> bool:
     Returns
     -------
     bool
-        Whether it was.
+        True if it was.
     """
     return bool(getattr(obj, "is_of_file", False))
 

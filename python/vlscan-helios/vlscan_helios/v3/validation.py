@@ -23,6 +23,8 @@ from .errors import WrongTypeError
 from .utils import find_files, is_real_iterable, named_file
 
 if TYPE_CHECKING:
+    # The base of pint.Quantity, which has no declared type.
+    from pint.facets.plain import PlainQuantity
     from pydantic.fields import FieldInfo
     from typing_extensions import Self
 
@@ -96,7 +98,7 @@ def _quantity(unit: str, lowest: float | None = None, *, is_above: bool = False)
     return BeforeValidator(validate)
 
 
-def _magnitudes(value: pint.Quantity[Any], unit: str) -> Any:
+def _magnitudes(value: PlainQuantity[Any], unit: str) -> Any:
     """Return the numbers of a quantity of several in a unit."""
     try:
         return value.to(unit).magnitude
@@ -186,7 +188,7 @@ CompressionLevel = Annotated[int, BeforeValidator(_compression)]
 if TYPE_CHECKING:
     AssetPath: TypeAlias = str | os.PathLike[str]
     MultiAssetPath: TypeAlias = Any
-    AnyAngle: TypeAlias = float | str | pint.Quantity[Any]
+    AnyAngle: TypeAlias = float | str | PlainQuantity[Any]
 else:
     #: An existing file, as named or in an asset directory.
     AssetPath = Annotated[Path, BeforeValidator(named_file)]
@@ -217,7 +219,7 @@ def same(a: object, b: object) -> bool:
     Returns
     -------
     bool
-        Whether they are.
+        True if they are.
     """
     if isinstance(a, np.ndarray) or isinstance(b, np.ndarray):
         return np.array_equal(np.asarray(a), np.asarray(b), equal_nan=True)
@@ -232,7 +234,11 @@ class Model(BaseModel):
     Unknown keywords are ``ValueError``. Other attributes can be set, and are not part of copies.
     """
 
-    model_config = ConfigDict(extra="forbid", validate_assignment=True, validate_default=True, arbitrary_types_allowed=True)
+    model_config: ClassVar[ConfigDict] = ConfigDict(
+        extra="forbid", validate_assignment=True, validate_default=True, arbitrary_types_allowed=True
+    )
+    if TYPE_CHECKING:
+        __signature__: ClassVar[inspect.Signature]
 
     def __init__(self, *args: Any, **values: Any) -> None:
         names = list(type(self).model_fields)
@@ -391,7 +397,7 @@ class Model(BaseModel):
         names = type(self).model_fields
         return self._identity() == other._identity() and all(same(getattr(self, name), getattr(other, name)) for name in names)
 
-    __hash__ = None  # type: ignore[assignment]
+    __hash__: ClassVar[None] = None  # type: ignore[assignment]
 
 
 #: Advice for files that are not offered.
@@ -422,7 +428,7 @@ class UpdateableMixin:
         values : mapping
             The values.
         skip_exceptions : bool
-            Whether unknown keywords and invalid values are passed over.
+            True if unknown keywords and invalid values are passed over.
 
         Raises
         ------
@@ -446,7 +452,7 @@ class UpdateableMixin:
         other : Model
             The object.
         skip_exceptions : bool
-            Whether unknown keywords and invalid values are passed over.
+            True if unknown keywords and invalid values are passed over.
 
         Raises
         ------

@@ -17,7 +17,7 @@ class Document(NamedTuple):
     Attributes
     ----------
     path : pathlib.Path
-        Where it is.
+        Path of the file.
     root : xml.etree.ElementTree.Element
         Its root.
     """
