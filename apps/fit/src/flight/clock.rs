@@ -116,16 +116,10 @@ mod tests {
     /// Lines of 60 to 99 pulses of 1000, at these times, s; of the pulses of all lines every n-th is kept.
     fn recorded(every: usize, time: impl Fn(usize, usize) -> f64) -> Recording {
         let of_line = |line: usize| (0..60 + line * 7 % 40).map(move |k| (line, k));
-        let pulses = (0..200).flat_map(of_line).step_by(every).map(|(line, k)| Pulse {
-            time: time(line, k),
-            position: DVec3::new(k as f64, line as f64, 0.0),
-            angle: 0.0,
-            returns: 1,
-            class: 2,
-            last: None,
-            file_channel: 0,
-            channel: 0,
-        });
+        let pulses = (0..200)
+            .flat_map(of_line)
+            .step_by(every)
+            .map(|(line, k)| Pulse::on_ground(time(line, k), DVec3::new(k as f64, line as f64, 0.0), 0.0));
         Recording::new(pulses.collect()).unwrap()
     }
 

@@ -168,16 +168,7 @@ mod tests {
         let pulse = |k: u32| {
             let time = 2e-5 * f64::from(k);
             let at = model.footprint(&Attitude::default(), 0, time, 0.0);
-            Pulse {
-                time,
-                position: DVec3::new(at.x, at.y, 0.0),
-                angle: at.angle,
-                returns: 1,
-                class: 2,
-                last: None,
-                file_channel: 0,
-                channel: 0,
-            }
+            Pulse::on_ground(time, DVec3::new(at.x, at.y, 0.0), at.angle)
         };
         Recording::new((0..25_000).map(pulse).collect()).unwrap()
     }

@@ -45,6 +45,14 @@ pub struct Pulse {
     pub channel: u8,
 }
 
+#[cfg(test)]
+impl Pulse {
+    /// A pulse of the only channel with one return, which is from the ground.
+    pub fn on_ground(time: f64, position: DVec3, angle: f64) -> Pulse {
+        Pulse { time, position, angle, returns: 1, class: 2, last: None, file_channel: 0, channel: 0 }
+    }
+}
+
 /// The pulses of one flight line in the order of time.
 #[derive(Clone, Debug)]
 pub struct Recording {

@@ -105,16 +105,8 @@ mod tests {
 
     /// 5000 pulses with these scan angles, degrees, without a gap.
     fn recorded(angle: impl Fn(usize) -> f64) -> Recording {
-        let pulse = |k: usize| Pulse {
-            time: 1e-5 * k as f64,
-            position: DVec3::new(k as f64, 0.0, 0.0),
-            angle: radians(angle(k)),
-            returns: 1,
-            class: 2,
-            last: None,
-            file_channel: 0,
-            channel: 0,
-        };
+        let pulse =
+            |k: usize| Pulse::on_ground(1e-5 * k as f64, DVec3::new(k as f64, 0.0, 0.0), radians(angle(k)));
         Recording::new((0..5000).map(pulse).collect()).unwrap()
     }
 

@@ -47,16 +47,7 @@ fn flown_within(
         if at.x.abs() < reach && at.y.abs() < reach {
             let noise = 0.02 * noise(k);
             let angle = radians((degrees(at.angle) / 0.006).round() * 0.006);
-            pulses.push(Pulse {
-                time,
-                position: DVec3::new(at.x, at.y, height + noise),
-                angle,
-                returns: 1,
-                class: 2,
-                last: None,
-                file_channel: 0,
-                channel: 0,
-            });
+            pulses.push(Pulse::on_ground(time, DVec3::new(at.x, at.y, height + noise), angle));
         }
     }
     pulses
@@ -157,16 +148,8 @@ fn a_pitch_over_flat_ground_is_uncertain() {
     let pulse = |k: u32| {
         let time = 5e-6 * f64::from(k);
         let at = truth.footprint(&Attitude::default(), 0, time, 0.0);
-        (at.x.abs() < 100.0 && at.y.abs() < 100.0).then(|| Pulse {
-            time,
-            position: DVec3::new(at.x, at.y, 0.0),
-            angle: at.angle,
-            returns: 1,
-            class: 2,
-            last: None,
-            file_channel: 0,
-            channel: 0,
-        })
+        (at.x.abs() < 100.0 && at.y.abs() < 100.0)
+            .then(|| Pulse::on_ground(time, DVec3::new(at.x, at.y, 0.0), at.angle))
     };
     let recording = Recording::new((0..300_000).filter_map(pulse).collect()).unwrap();
     let solution = trial(&recording, &truth);

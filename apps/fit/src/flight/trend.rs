@@ -126,16 +126,7 @@ mod tests {
                 let at = model.footprint(&Attitude::default(), 0, time, position.z);
                 position = DVec3::new(at.x, at.y, ground(at.x));
             }
-            Pulse {
-                time,
-                position,
-                angle: 0.0,
-                returns: 1,
-                class: 2,
-                last: None,
-                file_channel: 0,
-                channel: 0,
-            }
+            Pulse::on_ground(time, position, 0.0)
         };
         let recording = Recording::new((0..20_000).map(pulse).collect()).unwrap();
         let solution = Solution {

@@ -79,16 +79,7 @@ fn fitted(mirror: Mirror, change: impl Fn(&mut Parameters)) -> FlightFit {
     let pulse = |k: u32| {
         let time = 1e-5 * f64::from(k);
         let at = model.footprint(&attitude, 0, time, 0.0);
-        Pulse {
-            time,
-            position: DVec3::new(at.x, at.y, 0.0),
-            angle: at.angle,
-            returns: 3,
-            class: 2,
-            last: None,
-            file_channel: 0,
-            channel: 0,
-        }
+        Pulse { returns: 3, ..Pulse::on_ground(time, DVec3::new(at.x, at.y, 0.0), at.angle) }
     };
     let recording = Recording::new((0..2000).map(pulse).collect()).unwrap();
     let solution = Solution {
