@@ -19,6 +19,8 @@ const MIN_PULSES: usize = 20;
 const MIN_SHARE: f64 = 0.05;
 /// Number of pulses that one task compares.
 const PART_PULSES: usize = 1 << 14;
+/// Number of parts after which the memory of their points is released.
+const PARTS_IN_MEMORY: usize = 64;
 /// Maximum distance of the centres of both clouds, as a fraction of the spread of their pulses.
 const MAX_DISTANCE: f64 = 0.25;
 
@@ -159,7 +161,14 @@ impl<'p> Angles<'p> {
             let chosen = (part * PART_PULSES..end).filter(|i| i.is_multiple_of(step));
             chosen.filter_map(of_pulse).collect()
         };
-        (0..count.div_ceil(PART_PULSES)).into_par_iter().flat_map_iter(of_part).collect()
+        let parts = count.div_ceil(PART_PULSES);
+        let mut values = Vec::new();
+        for first in (0..parts).step_by(PARTS_IN_MEMORY) {
+            let some = first..parts.min(first + PARTS_IN_MEMORY);
+            values.par_extend(some.into_par_iter().flat_map_iter(&of_part));
+            self.pulses.release();
+        }
+        values
     }
 
     /// The place in `by_time` of the first pulse at or after a time, which is probably near the place

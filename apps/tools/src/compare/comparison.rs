@@ -299,11 +299,16 @@ fn occupied_cells(grid: &CellGrid, cuts: [&Cut; 2]) -> usize {
 fn agreement(setting: &Setting, cuts: [&Cut; 2], options: &CompareOptions) -> Agreement {
     let counts = of_both(cuts, |cut| setting.grid.counts(cut.offsets()));
     let pairs = counts[0].iter().zip(&counts[1]).filter(|(a, b)| **a + **b > 0.0);
+    let density_correlation = correlation(pairs.map(|(a, b)| (*a, *b)));
+    let canopy = canopy(&setting.grid, &setting.wide_grid, &setting.lowest, cuts);
+    let voxels = voxels(cuts, options.voxel);
+    // The trees of distances need the memory.
+    cuts.iter().for_each(|cut| cut.points.release());
     Agreement {
-        density_correlation: correlation(pairs.map(|(a, b)| (*a, *b))),
-        canopy: canopy(&setting.grid, &setting.wide_grid, &setting.lowest, cuts),
+        density_correlation,
+        canopy,
         first_to_second: distances(cuts[0], cuts[1], options.max_distances),
         second_to_first: distances(cuts[1], cuts[0], options.max_distances),
-        voxels: voxels(cuts, options.voxel),
+        voxels,
     }
 }

@@ -13,6 +13,8 @@ use vlscan_formats::PulseGroups;
 
 /// Minimum number of pulses of a line whose figures are used.
 const MIN_LINE_PULSES: usize = 5;
+/// Number of pulses after which the memory of their points is released.
+const PULSES_IN_MEMORY: usize = 1 << 20;
 /// Minimum number of lines for recognising a pattern.
 const MIN_LINES: usize = 10;
 /// Largest ratio of the time between two lines to the usual one; a longer one lies between strips.
@@ -109,6 +111,9 @@ impl<'a> Pulses<'a> {
             ambiguous += numbers.filter(|(number, next)| number == next && *number > 0).count();
             points.iter().for_each(|i| pulse_of[*i as usize] = first.len() as u32);
             let (echo, count) = first_echo(cut, points);
+            if first.len().is_multiple_of(PULSES_IN_MEMORY) {
+                cut.points.release();
+            }
             first.push(echo);
             returns.push(count);
         }
