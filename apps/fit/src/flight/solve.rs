@@ -10,6 +10,8 @@ use super::parameters::{Channel, Parameters};
 use super::recording::Recording;
 use super::residuals::{RESIDUALS, beam_of, huber, residuals, scales};
 use super::solution::Solution;
+use std::iter::StepBy;
+use std::ops::Range;
 use vlscan_geom::{DMat3, DVec2, DVec3, LeastSquares, median, radians};
 
 /// Pulses of a section that are used.
@@ -32,33 +34,43 @@ const ATTITUDE_STEP: f64 = 1e-7;
 pub struct Section {
     /// Mean time, s.
     pub time: f64,
-    /// Indices of pulses that are used.
-    pulses: Vec<usize>,
+    /// Its pulses.
+    all: Range<usize>,
+}
+
+impl Section {
+    /// Indices of the pulses that are used.
+    fn pulses(&self) -> StepBy<Range<usize>> {
+        self.all.clone().step_by(self.all.len().div_ceil(SECTION_PULSES).max(1))
+    }
+
+    /// Weight of each of the pulses that are used.
+    fn share(&self) -> f64 {
+        (SECTION_WEIGHT / self.pulses().len() as f64).min(1.0)
+    }
 }
 
 /// Divides lines into sections of at most `max_duration` s. At most `max_sections` are used, evenly chosen.
 pub fn sections(recording: &Recording, max_duration: f64, max_sections: usize) -> Vec<Section> {
     let mut found = Vec::new();
     for line in &recording.lines {
-        let pulses = &recording.pulses[line.clone()];
-        let (first, last) = (pulses[0].time, pulses[pulses.len() - 1].time);
+        let time = |i: usize| recording.pulses.time(i);
+        let (first, last) = (time(line.start), time(line.end - 1));
         let count = ((last - first) / max_duration).ceil().max(1.0) as usize;
         let (mut begin, mut k) = (line.start, 0usize);
         while begin < line.end && k < count {
             // Sections without pulses are passed over: a guess may turn far too fast.
-            let passed = (recording.pulses[begin].time - first) / (last - first) * count as f64 - 1.0;
+            let passed = (time(begin) - first) / (last - first) * count as f64 - 1.0;
             k = (k + 1).max(passed as usize).min(count);
             let until = first + (last - first) * k as f64 / count as f64;
             let mut end = begin;
-            while end < line.end && (recording.pulses[end].time <= until || k == count) {
+            while end < line.end && (time(end) <= until || k == count) {
                 end += 1;
             }
             if end - begin >= 8 {
-                let step = (end - begin).div_ceil(SECTION_PULSES);
-                let pulses: Vec<usize> = (begin..end).step_by(step).collect();
-                let time =
-                    pulses.iter().map(|i| recording.pulses[*i].time).sum::<f64>() / pulses.len() as f64;
-                found.push(Section { time, pulses });
+                let section = Section { time: 0.0, all: begin..end };
+                let mean = section.pulses().map(time).sum::<f64>() / section.pulses().len() as f64;
+                found.push(Section { time: mean, ..section });
             }
             begin = end;
         }
@@ -217,8 +229,8 @@ fn spreads(recording: &Recording, model: &Model, sections: &[Section], attitudes
     let prepared = Prepared::of(model);
     for (section, attitude) in sections.iter().zip(attitudes) {
         let model = prepared.at(&Attitude::from_vector(*attitude));
-        for i in &section.pulses {
-            let r = residuals(recording, &model, beam_of(recording, &model, *i), *i);
+        for pulse in section.pulses().map(|i| recording.pulses.get(i)) {
+            let r = residuals(recording, &model, beam_of(&model, &pulse), &pulse);
             ground.push(r[0].abs());
             ground.push(r[1].abs());
             angle.push(r[2].abs());
@@ -246,9 +258,9 @@ fn normal_cost(
     let prepared = Prepared::of(model);
     for (section, attitude) in sections.iter().zip(attitudes) {
         let model = prepared.at(&Attitude::from_vector(*attitude));
-        let share = (SECTION_WEIGHT / section.pulses.len() as f64).min(1.0);
-        for i in &section.pulses {
-            let r = residuals(recording, &model, beam_of(recording, &model, *i), *i);
+        let share = section.share();
+        for pulse in section.pulses().map(|i| recording.pulses.get(i)) {
+            let r = residuals(recording, &model, beam_of(&model, &pulse), &pulse);
             let scaled = r.iter().zip(scales(ground, angle)).map(|(r, scale)| huber(r / scale).1);
             cost += share * scaled.sum::<f64>();
         }
@@ -281,22 +293,22 @@ fn normal_equations(
     let mut of_parameters = vec![0.0; count];
     let mut by_parameter: Vec<[f64; RESIDUALS]> = Vec::with_capacity(count);
     for ((section, attitude), equations) in sections.iter().zip(attitudes).zip(&mut normal.sections) {
-        let share = (SECTION_WEIGHT / section.pulses.len() as f64).min(1.0);
+        let share = section.share();
         let at = |attitude: DVec3| prepared.at(&Attitude::from_vector(attitude));
         let here = at(*attitude);
         let turned = DVec3::AXES.map(|axis| at(*attitude + ATTITUDE_STEP * axis));
         let of_section = Attitude::from_vector(*attitude);
         let shifted: Vec<Posed> = shifted.iter().map(|model| model.at(&of_section)).collect();
-        for i in &section.pulses {
-            let beam = beam_of(recording, &here, *i);
-            let base = residuals(recording, &here, beam, *i);
+        for pulse in section.pulses().map(|i| recording.pulses.get(i)) {
+            let beam = beam_of(&here, &pulse);
+            let base = residuals(recording, &here, beam, &pulse);
             by_parameter.clear();
             by_parameter.extend(shifted.iter().zip(&keep_beams).map(|(model, keeps_beam)| {
-                let beam = if *keeps_beam { beam } else { beam_of(recording, model, *i) };
-                residuals(recording, model, beam, *i)
+                let beam = if *keeps_beam { beam } else { beam_of(model, &pulse) };
+                residuals(recording, model, beam, &pulse)
             }));
-            let by_attitude = turned.map(|model| residuals(recording, &model, beam, *i));
-            let count_of = if recording.pulses[*i].last.is_some() { RESIDUALS } else { 3 };
+            let by_attitude = turned.map(|model| residuals(recording, &model, beam, &pulse));
+            let count_of = if pulse.last.is_some() { RESIDUALS } else { 3 };
             for j in 0..count_of {
                 let ratio = base[j] / scale[j];
                 let (weight, cost) = huber(ratio);
