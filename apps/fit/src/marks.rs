@@ -58,7 +58,7 @@ mod tests {
 
     #[test]
     fn marks_are_found_and_counted() {
-        let is_marked = |item: usize| item % 3 == 0 || (100..170).contains(&item);
+        let is_marked = |item: usize| item.is_multiple_of(3) || (100..170).contains(&item);
         let marks: Marks = (0..1000).map(is_marked).collect();
         assert_eq!(marks.len(), 1000);
         let mut count = 0;

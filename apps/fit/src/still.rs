@@ -66,7 +66,7 @@ pub struct StillFiles {
 /// The values of a point that counts for a sensor at `origin`.
 fn row_of(row: &PointRow, origin: DVec3) -> Option<Row> {
     let is_placed = row.position.is_finite() && (row.position - origin).length() > MIN_RANGE;
-    (!row.is_miss && is_placed && row.time.is_finite()).then(|| Row {
+    (!row.is_miss && is_placed && row.time.is_finite()).then_some(Row {
         time: row.time,
         position: row.position,
         angle: 0.0,
