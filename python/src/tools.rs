@@ -308,13 +308,14 @@ pub fn fit_flight(
     flight_line: Option<u16>,
     extend: f64,
     force: bool,
+    max_memory: Option<u64>,
 ) -> PyResult<(Vec<PathBuf>, String)> {
     let notices = Notices::default();
     let own = notices.clone();
     let made = interruptible(py, move |interruption| {
         FlightFiles::check(&output, &cloud, force)?;
         let mut found = Diagnostics::default();
-        let request = FlightRequest { flight_line, extend, ..FlightRequest::default() };
+        let request = FlightRequest { flight_line, extend, max_memory };
         let fit = flight::fit_flight(&cloud, &request, &mut found);
         own.add(Notice::Warnings(found.finish(false)?));
         let fit = fit?;

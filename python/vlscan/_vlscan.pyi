@@ -202,7 +202,9 @@ def merge_shards(
 ) -> Outcome | None:
     """Merge shards to files or to tables of these names; or compare their checksums."""
 
-def fit_flight(cloud: str, output: str, flight_line: int | None, extend: float, force: bool) -> tuple[list[str], str]:
+def fit_flight(
+    cloud: str, output: str, flight_line: int | None, extend: float, force: bool, max_memory: int | None
+) -> tuple[list[str], str]:
     """Fit a flight and its scanner to a cloud and write them: the files, and the figures as JSON."""
 
 def fit_sensor(revolution: str, calibration: str, output: str, odd: bool, planes: str | None, force: bool) -> str:

@@ -42,6 +42,7 @@ def fit_flight(
     flight_line: int | None = None,
     extend: float = 0.0,
     force: bool = False,
+    max_memory: int | None = None,
 ) -> dict[str, Fitted]:
     """Estimate a flight and its scanner from a recorded point cloud, and write them as a pipeline file.
 
@@ -60,6 +61,9 @@ def fit_flight(
         that follow from the patterns that were found.
     force : bool
         Replace existing files.
+    max_memory : int, optional
+        Bytes that the points may take, by default 1 GiB. Of a flight line with more points the scan lines of one second in
+        2, 3 … are fitted, with a warning.
 
     Returns
     -------
@@ -74,7 +78,7 @@ def fit_flight(
         A file cannot be read or exists.
     """
     with _file_of(cloud) as name:
-        _, figures = _vlscan.fit_flight(name, os.fspath(output), flight_line, extend, force)
+        _, figures = _vlscan.fit_flight(name, os.fspath(output), flight_line, extend, force, max_memory)
     return {figure["name"]: Fitted(figure["value"], figure["deviation"], figure["unit"]) for figure in json.loads(figures)}
 
 

@@ -141,6 +141,26 @@ fn files_of_an_earlier_fit_do_not_stay_and_few_pulses_have_a_constant_rate() {
 }
 
 #[test]
+fn memory_changes_no_fit_that_has_room_and_more_points_are_sampled_with_a_warning() {
+    let dir = folder();
+    recorded_line(dir.path(), 100_000);
+    let info = succeed(dir.path(), &["info", "line.laz", "--json"]);
+    let info: serde_json::Value = serde_json::from_slice(&info.stdout).unwrap();
+    let bytes = 36 * info["points"].as_u64().unwrap();
+    let files = |memory: &str| {
+        let fit = ["fit", "line.laz", "-o", "t.toml", "--force", "-q", "--max-memory", memory];
+        succeed(dir.path(), &fit);
+        ["t.toml", "t.trajectory.csv"].map(|name| fs::read(dir.path().join(name)).unwrap())
+    };
+    assert!(files(&bytes.to_string()) == files("8G"));
+    // Half of the seconds are few for this flight; if no flight matches them, the warning is there, too.
+    let less = (bytes - 1).to_string();
+    let out = run(dir.path(), &["fit", "line.laz", "-o", "less.toml", "--max-memory", &less]);
+    let said = text(&out.stderr);
+    assert!(said.contains("of every 2 seconds the scan lines of one are fitted"), "{said}");
+}
+
+#[test]
 fn the_cloud_of_a_tripod_is_no_flight() {
     let dir = folder();
     succeed(dir.path(), &["scene", "make", "forest", "-n", "3k", "--pulses", "1k", "-o", "f", "-q"]);

@@ -3,9 +3,12 @@
 //! A pulse points from the sensor to its first return. Pulses without a return are not in a recording, and so
 //! not in the pattern.
 
-use crate::limit::PointLimit;
+use crate::limit::{DEFAULT_MEMORY, PointLimit};
+use crate::rows::{Row, Rows, Within, point_bytes};
 use libm::{atan2, hypot};
 use serde::Serialize;
+use std::any::Any;
+use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -13,7 +16,10 @@ use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::reads::refuse_input_of;
 use vlscan_base::files::{FileGroup, FileWriter, Patched, refuse_unwritable};
-use vlscan_formats::{Attribute, AttributeSet, PointRow, PointSink, Selection, read_points};
+use vlscan_formats::{
+    Attribute, AttributeSet, FileFacts, LasFacts, NewPart, PointPart, PointRow, PointSink, PositionSteps,
+    Selection, read_points,
+};
 use vlscan_geom::{DVec3, degrees};
 
 /// Maximum number of pulses of a pattern.
@@ -30,21 +36,9 @@ const WRITTEN_BYTES: usize = 1 << 16;
 pub struct StillPattern {
     /// World position of the sensor, m.
     origin: DVec3,
-    /// Pulses by time, then channel; no two of a channel have one time.
-    pulses: Vec<Pulse>,
+    /// First returns of pulses by time, then channel; no two of a channel have one time.
+    pulses: Rows,
     channels: usize,
-}
-
-/// A pulse with a return.
-#[derive(Clone, Copy, Debug)]
-struct Pulse {
-    /// s.
-    time: f64,
-    channel: u16,
-    /// Number of the return.
-    number: u8,
-    /// Position of the return, m.
-    position: DVec3,
 }
 
 /// Figures of a pattern.
@@ -69,32 +63,93 @@ pub struct StillFiles {
     pub pattern: PathBuf,
 }
 
+/// The values of a point that counts for a sensor at `origin`.
+fn row_of(row: &PointRow, origin: DVec3) -> Option<Row> {
+    let is_placed = row.position.is_finite() && (row.position - origin).length() > MIN_RANGE;
+    (!row.is_miss && is_placed && row.time.is_finite()).then_some(Row {
+        time: row.time,
+        position: row.position,
+        angle: 0.0,
+        source: 0,
+        number: row.return_number,
+        returns: 0,
+        class: 0,
+        channel: row.channel,
+    })
+}
+
+/// The points of a block that count.
+struct PatternPart {
+    origin: DVec3,
+    rows: Vec<Row>,
+}
+
+impl PointPart for PatternPart {
+    fn add(&mut self, row: &PointRow) {
+        self.rows.extend(row_of(row, self.origin));
+    }
+
+    fn takes_names(&self) -> bool {
+        true
+    }
+
+    fn clear(&mut self) {
+        self.rows.clear();
+    }
+}
+
+/// Takes the points of a recording.
 struct Points {
     origin: DVec3,
     attributes: AttributeSet,
-    rows: Vec<Pulse>,
-    limit: PointLimit,
-    /// True if there are more points than the limit allows.
+    steps: Option<PositionSteps>,
+    rows: Rows,
+    max_memory: u64,
+    /// True if there are more points than the memory allows.
     is_too_large: bool,
+}
+
+impl Points {
+    fn limit(&self) -> PointLimit {
+        PointLimit::new(Some(self.max_memory), point_bytes(self.steps.as_ref()))
+    }
+
+    fn keep(&mut self, rows: &[Row]) -> ControlFlow<()> {
+        for row in rows {
+            self.is_too_large |= self.limit().is_exceeded(self.rows.len() + 1);
+            if self.is_too_large {
+                return ControlFlow::Break(());
+            }
+            self.rows.push(row);
+        }
+        ControlFlow::Continue(())
+    }
 }
 
 impl PointSink for Points {
     fn start(&mut self, attributes: AttributeSet) {
         self.attributes = attributes;
+        self.rows = Rows::with_room(0, self.steps);
+    }
+
+    fn file(&mut self, facts: &FileFacts) {
+        self.steps = facts.las.as_ref().map(LasFacts::steps);
+    }
+
+    fn parts(&self) -> Option<NewPart> {
+        let origin = self.origin;
+        Some(Box::new(move || -> Box<dyn PointPart> { Box::new(PatternPart { origin, rows: Vec::new() }) }))
+    }
+
+    fn add_part(&mut self, part: &mut (dyn PointPart + 'static)) -> Result<ControlFlow<()>> {
+        let part: &mut dyn Any = part;
+        let part = part.downcast_ref::<PatternPart>();
+        Ok(part.map_or(ControlFlow::Continue(()), |part| self.keep(&part.rows)))
     }
 
     fn point(&mut self, row: &PointRow, _object: Option<&str>) -> Result<ControlFlow<()>> {
-        let is_placed = row.position.is_finite() && (row.position - self.origin).length() > MIN_RANGE;
-        if !row.is_miss && is_placed && row.time.is_finite() {
-            self.rows.push(Pulse {
-                time: row.time,
-                channel: row.channel,
-                number: row.return_number,
-                position: row.position,
-            });
-            self.is_too_large = self.limit.is_exceeded(self.rows.len());
-        }
-        Ok(if self.is_too_large { ControlFlow::Break(()) } else { ControlFlow::Continue(()) })
+        let row = row_of(row, self.origin);
+        Ok(self.keep(row.as_slice()))
     }
 
     fn selection(&self) -> Selection {
@@ -129,7 +184,7 @@ impl StillFiles {
 
 impl StillPattern {
     /// Reads the pattern of a sensor that stood at `origin`, m, while it recorded `cloud`. Points may take up
-    /// to `max_memory`, bytes; `None` for no limit.
+    /// to `max_memory`, bytes; 1 GiB by default.
     ///
     /// # Errors
     /// Files that cannot be read; [`Error::Input`] for clouds without times, with several pulses of one time,
@@ -140,12 +195,17 @@ impl StillPattern {
         max_memory: Option<u64>,
         found: &mut Diagnostics,
     ) -> Result<StillPattern> {
-        let limit = PointLimit::new(max_memory);
-        let attributes = AttributeSet::default();
-        let mut points = Points { origin, attributes, rows: Vec::new(), limit, is_too_large: false };
+        let mut points = Points {
+            origin,
+            attributes: AttributeSet::default(),
+            steps: None,
+            rows: Rows::default(),
+            max_memory: max_memory.unwrap_or(DEFAULT_MEMORY),
+            is_too_large: false,
+        };
         found.extend(read_points(cloud, &mut points)?);
         if points.is_too_large {
-            return Err(limit.error(cloud));
+            return Err(points.limit().error(cloud));
         }
         let name = cloud.display();
         if !points.attributes.has(Attribute::Time) {
@@ -157,7 +217,7 @@ impl StillPattern {
             let help = "record the time of each pulse, and the channels of sensors with several";
             Error::input_with_help(message, help)
         })?;
-        let times = pulses.first().zip(pulses.last()).map(|(first, last)| last.time - first.time);
+        let times = pulses.times.first().zip(pulses.times.last()).map(|(first, last)| last - first);
         if times.is_none_or(|duration| duration <= 0.0) {
             return Err(Error::input(format!("{name} has fewer than two times of pulses")));
         }
@@ -165,17 +225,15 @@ impl StillPattern {
             let message = format!("{name} has {} pulses, a pattern has at most {MAX_PULSES}", pulses.len());
             return Err(Error::input_with_help(message, "cut a part of the recording"));
         }
-        let mut channels: Vec<u16> = pulses.iter().map(|pulse| pulse.channel).collect();
-        channels.sort_unstable();
-        channels.dedup();
+        let channels: BTreeSet<u16> = pulses.iter().map(|pulse| pulse.channel).collect();
         Ok(StillPattern { origin, pulses, channels: channels.len() })
     }
 
     /// Figures of the pattern.
     pub fn figures(&self) -> StillFigures {
-        let (first, last) = (self.pulses[0].time, self.pulses[self.pulses.len() - 1].time);
-        let duration_s = last - first;
-        let changes = self.pulses.windows(2).filter(|pair| pair[1].time > pair[0].time).count();
+        let times = &self.pulses.times;
+        let duration_s = times[times.len() - 1] - times[0];
+        let changes = times.windows(2).filter(|pair| pair[1] > pair[0]).count();
         StillFigures {
             pulses: self.pulses.len(),
             channels: self.channels,
@@ -201,8 +259,8 @@ impl StillPattern {
     fn write_table(&self, mut write: impl FnMut(&str) -> Result<()>) -> Result<()> {
         let channel = if self.channels > 1 { "channel," } else { "" };
         let mut text = format!("time_s,{channel}azimuth_deg,elevation_deg\n");
-        let start = self.pulses[0].time;
-        for pulse in &self.pulses {
+        let start = self.pulses.times[0];
+        for pulse in self.pulses.iter() {
             if text.len() >= WRITTEN_BYTES {
                 write(&text)?;
                 text.clear();
@@ -239,22 +297,25 @@ impl StillPattern {
 ///
 /// # Errors
 /// A return whose time and channel are those of another pulse.
-fn first_returns(mut rows: Vec<Pulse>) -> std::result::Result<Vec<Pulse>, Pulse> {
-    let order = |a: &Pulse, b: &Pulse| {
-        a.time.total_cmp(&b.time).then(a.channel.cmp(&b.channel)).then(a.number.cmp(&b.number))
-    };
-    // Most recordings are in order, and sorting takes half as much memory again.
-    if !rows.is_sorted_by(|a, b| order(a, b).is_le()) {
-        rows.sort_by(order);
-    }
-    let mut other = None;
-    rows.dedup_by(|row, first| {
-        let is_of_first = first.time == row.time && first.channel == row.channel;
-        if is_of_first && first.number == row.number && first.position != row.position {
-            other.get_or_insert(*row);
+fn first_returns(mut rows: Rows) -> std::result::Result<Rows, Row> {
+    rows.sort_by_time(Within::ChannelsAndNumbers);
+    let (mut kept, mut other) = (0, None);
+    for i in 0..rows.len() {
+        let row = rows.get(i);
+        let first = (kept > 0).then(|| rows.get(kept - 1));
+        let first = first.filter(|first| first.time == row.time && first.channel == row.channel);
+        match first {
+            Some(first) if first.number == row.number && first.position != row.position => {
+                other.get_or_insert(row);
+            }
+            Some(_) => {}
+            None => {
+                rows.copy(i, kept);
+                kept += 1;
+            }
         }
-        is_of_first
-    });
+    }
+    rows.truncate(kept);
     other.map_or(Ok(rows), Err)
 }
 
@@ -342,9 +403,9 @@ mod tests {
         let path = folder.path().join("still.csv");
         let rows: String = (0..100).map(|i| format!("{i},5,1,{i}\n")).collect();
         std::fs::write(&path, "x,y,z,time\n".to_owned() + &rows).unwrap();
-        let pattern = read_file(&path, DVec3::ZERO, Some(100 * 160)).unwrap();
+        let pattern = read_file(&path, DVec3::ZERO, Some(100 * point_bytes(None))).unwrap();
         assert_eq!(pattern.pulses.len(), 100);
-        let said = read_file(&path, DVec3::ZERO, Some(99 * 160)).unwrap_err();
+        let said = read_file(&path, DVec3::ZERO, Some(99 * point_bytes(None))).unwrap_err();
         assert!(said.contains("--max-memory"), "{said}");
     }
 

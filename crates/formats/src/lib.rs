@@ -32,6 +32,7 @@
 //! | `record`, `settings`, `objects` | points as they are written; facts about a cloud; numbers of objects |
 //! | `copy` | copies of clouds in other formats |
 //! | `pulse_groups` | returns grouped into pulses |
+//! | `steps` | positions as whole numbers of steps |
 //! | `strays` | the few points of a cloud that lie far from all others |
 //! | `encode`, `cloud_writer` | the two halves of a format; a writer for one thread |
 //! | `out`, `number` | buffered streams of bytes with jobs for idle threads; numbers as text |
@@ -63,6 +64,7 @@ mod point_format;
 mod pulse_groups;
 mod record;
 mod settings;
+mod steps;
 mod strays;
 mod table;
 pub mod text;
@@ -96,6 +98,7 @@ pub use record::{
     Cause, EncodedPoints, Needs, PointBatch, PointFlags, PointRecord, StoredFields, Tally, Wave,
 };
 pub use settings::{CloudSettings, FrameNames};
+pub use steps::PositionSteps;
 pub use strays::{Apart, StrayFinder, Strays};
 pub use table::{MISSES_KEY, read_number_columns, read_record_batch};
 

@@ -39,8 +39,9 @@ pub struct FitArgs {
         conflicts_with = "calibration"
     )]
     pub extend: f64,
-    /// Reject flight lines, and recordings with --still-at, whose points need more memory than this, e.g. 8G,
-    /// at about 160 bytes each. [default: no limit]
+    /// Memory of the points, e.g. 8G, at about 36 bytes for each of LAS and LAZ and 56 of other files. Of a
+    /// flight line with more points the scan lines of one second in 2, 3 ... are fitted, with a warning; with
+    /// --still-at more points are an error. [default: 1G]
     #[arg(long, value_name = "SIZE", conflicts_with = "calibration")]
     pub max_memory: Option<Bytes>,
     /// Write the scan pattern of a sensor that stood still at this place while it recorded, instead of a

@@ -1,9 +1,9 @@
 //! The clock of a thinned cloud: its pulses leave at multiples of a part of the interval between neighbours.
 
 use super::recording::Recording;
+use super::search::median_of;
 use libm::cos;
 use std::f64::consts::TAU;
-use vlscan_geom::median;
 
 /// Intervals that differ by less from the usual one, as a share, determine its mean.
 const SAME: f64 = 0.01;
@@ -15,6 +15,8 @@ const MAX_GAP: f64 = 20.0;
 const MAX_STEP: f64 = 2000.0;
 /// Minimum number of steps that are compared.
 const MIN_STEPS: usize = 20;
+/// Number of steps that are kept; more are computed whenever they are used.
+const MAX_KEPT: usize = if cfg!(test) { 100 } else { 1 << 20 };
 /// Maximum number of pulses of the clock in a usual interval.
 const MAX_PULSES: u32 = 64;
 /// Minimum mean cosine of the phases of steps.
@@ -44,33 +46,44 @@ pub struct Clock {
 /// If every tenth pulse is in the cloud, intervals within lines are constant. But the remainder of the steps
 /// from line to line is any number of tenths.
 pub fn thinned_clock(recording: &Recording, error: f64) -> Option<Clock> {
-    let within = recording.lines.iter().flat_map(|line| line.clone().skip(1));
-    let intervals: Vec<f64> = within.map(|i| recording.interval_before(i)).collect();
-    let usual = median(intervals.iter().copied()).filter(|usual| *usual > 0.0)?;
-    let alike = || intervals.iter().filter(|interval| (*interval / usual - 1.0).abs() < SAME);
+    let pulses = &recording.pulses;
+    let intervals = || {
+        let within = recording.lines.iter().flat_map(|line| line.clone().skip(1));
+        within.map(|i| recording.interval_before(i))
+    };
+    let usual = median_of(intervals).filter(|usual| *usual > 0.0)?;
+    let alike = || intervals().filter(|interval| (interval / usual - 1.0).abs() < SAME);
     let usual = alike().sum::<f64>() / alike().count().max(1) as f64;
-    let pulse = |i: usize| &recording.pulses[i];
-    let between = recording.lines.windows(2).map(|pair| (pair[0].end - 1, pair[1].start));
-    let between = between
-        .filter(|(last, first)| pulse(*last).file_channel == pulse(*first).file_channel)
-        .map(|(last, first)| (pulse(first).time - pulse(last).time) / usual);
-    let inner = intervals.iter().map(|interval| interval / usual);
-    let inner = inner.filter(|step| (step - step.round()).abs() > WHOLE);
-    let steps: Vec<f64> = between.chain(inner).filter(|step| (0.0..MAX_STEP).contains(step)).collect();
+    let between = || {
+        let pairs = recording.lines.windows(2).map(|pair| (pair[0].end - 1, pair[1].start));
+        pairs
+            .filter(|(last, first)| pulses.file_channel(*last) == pulses.file_channel(*first))
+            .map(|(last, first)| (pulses.time(first) - pulses.time(last)) / usual)
+    };
+    let inner = || {
+        let steps = intervals().map(|interval| interval / usual);
+        steps.filter(|step| (step - step.round()).abs() > WHOLE)
+    };
+    let steps = || between().chain(inner()).filter(|step| (0.0..MAX_STEP).contains(step));
     let error = error.max(rounding(recording));
-    if steps.len() < MIN_STEPS {
+    let kept: Vec<f64> = steps().take(MAX_KEPT).collect();
+    if kept.len() < MIN_STEPS {
         return None;
     }
-    let is_clock = |pulses: &u32| {
-        error < MAX_ERROR * usual / f64::from(*pulses)
-            && coherence(&steps, *pulses) > MIN_COHERENCE
-            && largest_share(&steps, *pulses) < MAX_ALIKE
+    let each_step = |visit: &mut dyn FnMut(f64)| match kept.len() < MAX_KEPT {
+        true => kept.iter().copied().for_each(visit),
+        false => steps().for_each(visit),
     };
-    let pulses = (2..=MAX_PULSES).find(is_clock)?;
-    let interval = usual / f64::from(pulses);
-    let gaps: Vec<&f64> = intervals.iter().filter(|gap| **gap <= MAX_GAP * usual).collect();
-    let left: f64 = gaps.iter().map(|gap| (**gap / interval).round().max(1.0)).sum();
-    Some(Clock { interval, lost: 1.0 - gaps.len() as f64 / left })
+    let is_clock = |number: &u32| {
+        error < MAX_ERROR * usual / f64::from(*number)
+            && coherence(&each_step, *number) > MIN_COHERENCE
+            && largest_share(&each_step, *number) < MAX_ALIKE
+    };
+    let number = (2..=MAX_PULSES).find(is_clock)?;
+    let interval = usual / f64::from(number);
+    let gaps = || intervals().filter(|gap| *gap <= MAX_GAP * usual);
+    let left: f64 = gaps().map(|gap| (gap / interval).round().max(1.0)).sum();
+    Some(Clock { interval, lost: 1.0 - gaps().count() as f64 / left })
 }
 
 /// Standard deviation of the rounding of times, s: to the numbers of a file, such as those of 60 ns of
@@ -78,38 +91,46 @@ pub fn thinned_clock(recording: &Recording, error: f64) -> Option<Clock> {
 fn rounding(recording: &Recording) -> f64 {
     let latest = recording.start.abs() + recording.duration();
     let of_numbers = latest.next_up() - latest;
-    let start = recording.pulses[0].time;
+    let start = recording.pulses.time(0);
     let is_rounded = |step: &f64| {
         let is_multiple = |time: f64| {
             let count = (time - start) / step;
             (count - count.round()).abs() < MAX_OFF + of_numbers / step
         };
-        of_numbers < 0.25 * step && recording.pulses.iter().all(|pulse| is_multiple(pulse.time))
+        of_numbers < 0.25 * step && recording.pulses.times().all(is_multiple)
     };
     let of_decimals = DECIMALS.into_iter().find(is_rounded).unwrap_or(0.0);
     of_numbers.max(of_decimals) / 12f64.sqrt()
 }
 
+/// Passes each step to a function.
+type Steps<'s> = dyn Fn(&mut dyn FnMut(f64)) + 's;
+
 /// Mean cosine of the phases of steps, of a clock with this number of pulses in a usual interval: 1 if all
 /// steps are whole numbers of its intervals.
-fn coherence(steps: &[f64], pulses: u32) -> f64 {
-    let phases = steps.iter().map(|step| TAU * f64::from(pulses) * step);
-    phases.map(cos).sum::<f64>() / steps.len() as f64
+fn coherence(steps: &Steps, pulses: u32) -> f64 {
+    let (mut sum, mut count) = (0.0, 0usize);
+    steps(&mut |step| {
+        sum += cos(TAU * f64::from(pulses) * step);
+        count += 1;
+    });
+    sum / count as f64
 }
 
 /// Share of the steps that have the most frequent remainder.
-fn largest_share(steps: &[f64], pulses: u32) -> f64 {
+fn largest_share(steps: &Steps, pulses: u32) -> f64 {
     let mut counts = vec![0usize; pulses as usize];
-    for step in steps {
+    steps(&mut |step| {
         let number = (step * f64::from(pulses)).round() as i64;
         counts[number.rem_euclid(i64::from(pulses)) as usize] += 1;
-    }
-    counts.into_iter().max().unwrap_or(0) as f64 / steps.len() as f64
+    });
+    let count: usize = counts.iter().sum();
+    counts.into_iter().max().unwrap_or(0) as f64 / count as f64
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::recording::Pulse;
+    use super::super::pulses::Pulse;
     use super::*;
     use vlscan_geom::DVec3;
 

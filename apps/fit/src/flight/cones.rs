@@ -5,10 +5,12 @@ use super::mirror::{Mirror, MirrorParameters};
 use super::model::Model;
 use super::parameters::{Channel, Parameters};
 use super::phases::{PhaseSample, StraightLine, coherent_rate, period, unwrap, wrapped};
-use super::recording::{Pulse, Recording};
+use super::pulses::Pulse;
+use super::recording::Recording;
 use libm::{atan, atan2, sqrt, tan};
 use std::f64::consts::TAU;
-use vlscan_geom::{DVec2, LeastSquares, median};
+use std::ops::Range;
+use vlscan_geom::{DVec2, DVec3, LeastSquares, median};
 
 /// Minimum number of pulses of a line whose phases give a rate.
 const MIN_PHASES: usize = 30;
@@ -62,7 +64,7 @@ impl Circle {
 fn circle(recording: &Recording) -> Option<Circle> {
     let mut sums = LeastSquares::new(7);
     for i in sampled_pulses(recording) {
-        let pulse = &recording.pulses[i];
+        let pulse = recording.pulses.get(i);
         let (x, y, t) = (pulse.position.x, pulse.position.y, pulse.time);
         sums.add(&[2.0 * x, 2.0 * y, 2.0 * x * t, 2.0 * y * t, 1.0, t, t * t], x * x + y * y, 1.0);
     }
@@ -74,9 +76,9 @@ fn circle(recording: &Recording) -> Option<Circle> {
     }
     let mut circle = Circle { track: Track { start, velocity }, radius: sqrt(radius_squared), rate: 0.0 };
     let rates = recording.lines.iter().filter(|line| line.len() >= MIN_PHASES).map(|line| {
-        let pulses = &recording.pulses[line.clone()];
-        let times: Vec<f64> = pulses.iter().map(|pulse| pulse.time).collect();
-        let mut phases: Vec<f64> = pulses.iter().map(|pulse| circle.phase(pulse)).collect();
+        let times: Vec<f64> = line.clone().map(|i| recording.pulses.time(i)).collect();
+        let pulses = recording.pulses.range(line.clone());
+        let mut phases: Vec<f64> = pulses.map(|pulse| circle.phase(&pulse)).collect();
         unwrap(&mut phases);
         StraightLine::through(&times, &phases).slope / TAU
     });
@@ -95,14 +97,18 @@ struct Arc {
 }
 
 impl Arc {
-    fn of(pulses: &[Pulse]) -> Arc {
-        let times: Vec<f64> = pulses.iter().map(|pulse| pulse.time - pulses[0].time).collect();
-        let line = |values: Vec<f64>| StraightLine::through(&times, &values);
-        let x = line(pulses.iter().map(|pulse| pulse.position.x).collect());
-        let y = line(pulses.iter().map(|pulse| pulse.position.y).collect());
-        let middle = 0.5 * times[times.len() - 1];
+    /// The arc of a line of pulses.
+    fn of(recording: &Recording, line: &Range<usize>) -> Arc {
+        let pulses = &recording.pulses;
+        let first = pulses.time(line.start);
+        let along = |coordinate: fn(DVec3) -> f64| {
+            let point = |i: usize| (pulses.time(i) - first, coordinate(pulses.position(i)));
+            StraightLine::through_points(line.clone().map(point))
+        };
+        let (x, y) = (along(|position| position.x), along(|position| position.y));
+        let middle = 0.5 * (pulses.time(line.end - 1) - first);
         Arc {
-            time: pulses[0].time + middle,
+            time: first + middle,
             middle: DVec2::new(x.at(middle), y.at(middle)),
             velocity: DVec2::new(x.slope, y.slope),
         }
@@ -113,7 +119,7 @@ impl Arc {
 /// ground, its centre lies at right angles to them, on the right for `sense` 1 and on the left for −1.
 fn arcs(recording: &Recording, sense: f64) -> Option<Circle> {
     let long = recording.lines.iter().filter(|line| line.len() >= MIN_ARC_PULSES);
-    let arcs: Vec<Arc> = long.map(|line| Arc::of(&recording.pulses[line.clone()])).collect();
+    let arcs: Vec<Arc> = long.map(|line| Arc::of(recording, line)).collect();
     let times: Vec<f64> = arcs.iter().map(|arc| arc.time).collect();
     let rate = 1.0 / period(&times)?;
     let speed = median(arcs.iter().map(|arc| arc.velocity.length()))?;
@@ -129,9 +135,9 @@ fn arcs(recording: &Recording, sense: f64) -> Option<Circle> {
 /// A cone that draws this circle.
 fn cone(recording: &Recording, circle: &Circle) -> Option<Model> {
     let sampled = sampled_pulses(recording);
-    let pulses = sampled.iter().map(|i| &recording.pulses[*i]);
+    let pulses = sampled.iter().map(|i| recording.pulses.get(*i));
     let samples: Vec<PhaseSample> =
-        pulses.map(|pulse| PhaseSample { time: pulse.time, phase: circle.phase(pulse) }).collect();
+        pulses.map(|pulse| PhaseSample { time: pulse.time, phase: circle.phase(&pulse) }).collect();
     let turn = coherent_rate(&samples, circle.rate, 0.1);
     let Track { start, velocity } = circle.track;
     let height = level(recording, &sampled, &circle.track)?.height;
@@ -153,7 +159,7 @@ fn cone(recording: &Recording, circle: &Circle) -> Option<Model> {
 mod tests {
     use super::super::model::Attitude;
     use super::*;
-    use vlscan_geom::{DVec3, radians};
+    use vlscan_geom::radians;
 
     /// Half a second of a cone of 20 degrees from 1000 m over flat ground.
     fn recorded(rate: f64) -> Recording {

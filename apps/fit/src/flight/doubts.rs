@@ -110,7 +110,7 @@ impl FlightFit {
     /// cloud, or they met nothing.
     fn missing_points(&self) -> Option<String> {
         let recording = &self.recording;
-        let slanted = recording.pulses.iter().filter(|pulse| degrees(pulse.angle.abs()) > SLANT);
+        let slanted = recording.pulses.angles().filter(|angle| degrees(angle.abs()) > SLANT);
         let slanted = slanted.count() as f64 / recording.pulses.len() as f64;
         if slanted > MAX_SLANTED {
             return Some(format!(

@@ -12,9 +12,6 @@ use vlscan_geom::{DMat3, DVec3, LeastSquares, median, radians};
 
 /// Number of sections of a block.
 const BLOCK: usize = 16;
-/// Number of independent pulses that a section is worth: errors of neighbouring pulses are correlated
-/// (terrain height, encoders).
-const SECTION_WEIGHT: f64 = 20.0;
 /// Change of an attitude for numeric derivatives, rad.
 const ATTITUDE_STEP: f64 = 1e-7;
 
@@ -81,15 +78,19 @@ pub fn spreads(
     attitudes: &[DVec3],
 ) -> (f64, f64) {
     let prepared = Prepared::of(model);
-    let of_section = |(section, attitude): (&Section, &DVec3)| -> Vec<[f64; RESIDUALS]> {
+    let of_section = |(section, attitude): (&Section, &DVec3)| -> Vec<[f64; 3]> {
         let model = prepared.at(&Attitude::from_vector(*attitude));
-        let of_pulse = |i: &usize| residuals(recording, &model, beam_of(recording, &model, *i), *i);
-        section.pulses.iter().map(of_pulse).collect()
+        let of_pulse = |i: usize| {
+            let pulse = recording.pulses.get(i);
+            let [x, y, angle, ..] = residuals(recording, &model, beam_of(&model, &pulse), &pulse);
+            [x.abs(), y.abs(), angle.abs()]
+        };
+        section.pulses().map(of_pulse).collect()
     };
     let sections = sections.par_iter().zip(attitudes).with_min_len(BLOCK);
-    let all: Vec<Vec<[f64; RESIDUALS]>> = sections.map(of_section).collect();
-    let ground = median(all.iter().flatten().flat_map(|r| [r[0].abs(), r[1].abs()]));
-    let angle = median(all.iter().flatten().map(|r| r[2].abs()));
+    let all: Vec<Vec<[f64; 3]>> = sections.map(of_section).collect();
+    let ground = median(all.iter().flatten().flat_map(|r| [r[0], r[1]]));
+    let angle = median(all.iter().flatten().map(|r| r[2]));
     let spread = |median: Option<f64>| 1.4826 * median.unwrap_or(0.0);
     (spread(ground).max(0.005), spread(angle).max(min_angle(recording)))
 }
@@ -98,11 +99,6 @@ pub fn spreads(
 /// degrees.
 pub fn min_angle(recording: &Recording) -> f64 {
     radians(if recording.has_whole_angles() { 0.1 } else { 0.01 })
-}
-
-/// Weight of the pulses of a section.
-fn share(section: &Section) -> f64 {
-    (SECTION_WEIGHT / section.pulses.len() as f64).min(1.0)
 }
 
 /// Cost of the residuals of a model, as that of its [`normal_equations`].
@@ -117,12 +113,13 @@ pub fn normal_cost(
     let prepared = Prepared::of(model);
     let of_section = |(section, attitude): (&Section, &DVec3)| {
         let model = prepared.at(&Attitude::from_vector(*attitude));
-        let of_pulse = |i: &usize| {
-            let r = residuals(recording, &model, beam_of(recording, &model, *i), *i);
+        let of_pulse = |i: usize| {
+            let pulse = recording.pulses.get(i);
+            let r = residuals(recording, &model, beam_of(&model, &pulse), &pulse);
             let scaled = r.iter().zip(scales(ground, angle)).map(|(r, scale)| huber(r / scale).1);
             scaled.sum::<f64>()
         };
-        share(section) * section.pulses.iter().map(of_pulse).sum::<f64>()
+        section.share() * section.pulses().map(of_pulse).sum::<f64>()
     };
     let sections = sections.par_iter().zip(attitudes).with_min_len(BLOCK);
     let costs: Vec<f64> = sections.map(of_section).collect();
@@ -199,7 +196,7 @@ impl Derivatives<'_> {
 
     /// Adds the pulses of a section to the parameters and the cost; returns the equations of its attitude.
     fn add_section(&self, section: &Section, attitude: DVec3, normal: &mut Normal) -> SectionEquations {
-        let (recording, scale, share) = (self.recording, self.scale, share(section));
+        let (recording, scale, share) = (self.recording, self.scale, section.share());
         let mut equations = SectionEquations::new(self.steps.len());
         let mut of_parameters = vec![0.0; self.steps.len()];
         let mut by_parameter: Vec<[f64; RESIDUALS]> = Vec::with_capacity(self.steps.len());
@@ -208,16 +205,16 @@ impl Derivatives<'_> {
         let turned = DVec3::AXES.map(|axis| at(attitude + ATTITUDE_STEP * axis));
         let of_section = Attitude::from_vector(attitude);
         let shifted: Vec<Posed> = self.shifted.iter().map(|model| model.at(&of_section)).collect();
-        for i in &section.pulses {
-            let beam = beam_of(recording, &here, *i);
-            let base = residuals(recording, &here, beam, *i);
+        for pulse in section.pulses().map(|i| recording.pulses.get(i)) {
+            let beam = beam_of(&here, &pulse);
+            let base = residuals(recording, &here, beam, &pulse);
             by_parameter.clear();
             by_parameter.extend(shifted.iter().zip(&self.keep_beams).map(|(model, keeps_beam)| {
-                let beam = if *keeps_beam { beam } else { beam_of(recording, model, *i) };
-                residuals(recording, model, beam, *i)
+                let beam = if *keeps_beam { beam } else { beam_of(model, &pulse) };
+                residuals(recording, model, beam, &pulse)
             }));
-            let by_attitude = turned.map(|model| residuals(recording, &model, beam, *i));
-            let count_of = if recording.pulses[*i].last.is_some() { RESIDUALS } else { 3 };
+            let by_attitude = turned.map(|model| residuals(recording, &model, beam, &pulse));
+            let count_of = if pulse.last.is_some() { RESIDUALS } else { 3 };
             for j in 0..count_of {
                 let ratio = base[j] / scale[j];
                 let (weight, cost) = huber(ratio);

@@ -85,8 +85,8 @@ fn lines_of(recording: &Recording, single: &Model, track: &Track, height: f64) -
     let (forward, right) = (track.forward(), track.right());
     let long = recording.lines.iter().filter(|line| line.len() >= MIN_PULSES);
     long.filter_map(|range| {
-        let Crossing { time, speed } = crossing(&recording.pulses[range.clone()], track, right, altitude)?;
-        let middle = &recording.pulses[(range.start + range.end) / 2];
+        let Crossing { time, speed } = crossing(recording, range, track, right, altitude)?;
+        let middle = recording.pulses.get((range.start + range.end) / 2);
         let offset = track.offset(middle.position, middle.time);
         let (side, down) = (offset.dot(right), altitude - middle.position.z);
         // At the mean height of the points.

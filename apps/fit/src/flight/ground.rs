@@ -1,9 +1,12 @@
 //! Noise of ranges, by the heights of points about the curved ground around them.
 
-use super::recording::{Pulse, Recording};
+use super::pulses::Pulse;
+use super::recording::Recording;
 use super::solution::Solution;
+use crate::marks::Marks;
 use libm::cos;
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
+use std::ops::RangeInclusive;
 use vlscan_geom::{DVec2, DVec3, LeastSquares, median, radians};
 
 /// Width of the cells in which the ground counts as a smooth surface, in mean distances between points.
@@ -21,8 +24,10 @@ const MAX_SLANT: f64 = 60.0;
 const MIN_CELLS: usize = 20;
 /// ASPRS class of ground.
 const GROUND: u8 = 2;
+/// Number of pulses, about, whose cells are in memory together.
+const STRIP_PULSES: usize = if cfg!(test) { 1000 } else { 1 << 21 };
 /// Plausible noise of ranges with the roughness of the ground, m.
-const NOISES: std::ops::RangeInclusive<f64> = 0.0002..=0.1;
+const NOISES: RangeInclusive<f64> = 0.0002..=0.1;
 /// Maximum plausible standard deviation of the noise, over the noise.
 const MAX_DEVIATION: f64 = 0.25;
 /// A tenth of the cells scatters less than the median cell by this factor where cells lie on surfaces of
@@ -67,31 +72,53 @@ impl RangeScatter {
 /// any, or planes where the returns are too few. The median of their residuals counts, corrected for the
 /// degrees of freedom, so that cells with bushes have no effect.
 pub fn range_noise(recording: &Recording, solution: &Solution) -> Option<RangeScatter> {
-    let has_ground =
-        recording.pulses.iter().filter(|pulse| pulse.class == GROUND).count() > recording.pulses.len() / 10;
-    let is_used = |i: &usize| {
-        let pulse = &recording.pulses[*i];
+    let pulses = &recording.pulses;
+    let has_ground = pulses.iter().filter(|pulse| pulse.class == GROUND).count() > pulses.len() / 10;
+    let is_used = |pulse: Pulse| {
         pulse.returns == 1
             && (!has_ground || pulse.class == GROUND)
-            && -beam(pulse, solution).z >= cos(radians(MAX_SLANT))
+            && -beam(&pulse, solution).z >= cos(radians(MAX_SLANT))
     };
-    let used: Vec<usize> = recording.lines.iter().flat_map(|line| line.clone()).filter(is_used).collect();
-    let spacing = spacing(recording, &used);
-    let width = CELL_SPACINGS * spacing;
-    let mut cells: HashMap<(i64, i64), Vec<usize>> = HashMap::new();
-    for i in &used {
-        let place = recording.pulses[*i].position;
-        let cell = ((place.x / width).floor() as i64, (place.y / width).floor() as i64);
-        cells.entry(cell).or_default().push(*i);
-    }
+    let is_used: Marks = pulses.iter().map(is_used).collect();
+    let used = || recording.lines.iter().flat_map(|line| line.clone()).filter(|i| is_used.has(*i));
+    let width = CELL_SPACINGS * spacing(used().map(|i| pulses.position(i)));
+    let row = |i: usize| (pulses.position(i).y / width).floor() as i64;
     let mut spreads = Vec::new();
-    for cell in cells.values() {
-        if let Some(surface) = Surface::of(recording, cell) {
-            let beam = beam(&recording.pulses[cell[0]], solution);
-            spreads.push(surface.spread / surface.height_by_range(beam));
+    // The cells of a strip at a time, since those of all pulses take as much memory as these.
+    for rows in strips(used().map(row)) {
+        let mut cells: HashMap<(i64, i64), Vec<usize>> = HashMap::new();
+        for i in used().filter(|i| rows.contains(&row(*i))) {
+            let column = (pulses.position(i).x / width).floor() as i64;
+            cells.entry((column, row(i))).or_default().push(i);
+        }
+        for cell in cells.values() {
+            if let Some(surface) = Surface::of(recording, cell) {
+                let beam = beam(&pulses.get(cell[0]), solution);
+                spreads.push(surface.spread / surface.height_by_range(beam));
+            }
         }
     }
     scatter_of_cells(spreads, has_ground)
+}
+
+/// Strips of successive rows of cells, each with at most [`STRIP_PULSES`] of the pulses whose rows these are,
+/// or one row.
+fn strips(rows: impl Iterator<Item = i64>) -> Vec<RangeInclusive<i64>> {
+    let mut counts: BTreeMap<i64, usize> = BTreeMap::new();
+    rows.for_each(|row| *counts.entry(row).or_default() += 1);
+    let mut strips: Vec<RangeInclusive<i64>> = Vec::new();
+    let mut count = 0;
+    for (row, of_row) in counts {
+        match strips.last_mut().filter(|_| count + of_row <= STRIP_PULSES) {
+            Some(strip) => *strip = *strip.start()..=row,
+            None => {
+                strips.push(row..=row);
+                count = 0;
+            }
+        }
+        count += of_row;
+    }
+    strips
 }
 
 /// The scatter of the median cell; `None` for few cells.
@@ -121,11 +148,10 @@ fn beam(pulse: &Pulse, solution: &Solution) -> DVec3 {
 }
 
 /// Mean distance between points, m, by the cells of a coarse grid that hold any.
-fn spacing(recording: &Recording, used: &[usize]) -> f64 {
+fn spacing(places: impl Iterator<Item = DVec3>) -> f64 {
     const COARSE: f64 = 5.0;
     let mut cells: HashMap<(i64, i64), u32> = HashMap::new();
-    for i in used {
-        let place = recording.pulses[*i].position;
+    for place in places {
         *cells.entry(((place.x / COARSE).floor() as i64, (place.y / COARSE).floor() as i64)).or_default() +=
             1;
     }
@@ -145,8 +171,8 @@ struct Surface {
 impl Surface {
     /// The surface through the pulses of a cell; `None` for too few pulses.
     fn of(recording: &Recording, cell: &[usize]) -> Option<Surface> {
-        let origin = recording.pulses[*cell.first()?].position;
-        let offset = |i: &usize| recording.pulses[*i].position - origin;
+        let origin = recording.pulses.position(*cell.first()?);
+        let offset = |i: &usize| recording.pulses.position(*i) - origin;
         let terms = |d: DVec3| [1.0, d.x, d.y, d.x * d.x, d.x * d.y, d.y * d.y];
         SURFACES.iter().filter(|unknowns| cell.len() >= *unknowns + MIN_FREEDOM).find_map(|unknowns| {
             let mut sums = LeastSquares::new(*unknowns);
@@ -235,6 +261,18 @@ mod tests {
         // Two lines determine a plane, but no curvature across.
         let lines: Vec<(f64, f64)> = (0..16).map(|k| (f64::from(k % 8), f64::from(k / 8))).collect();
         assert!(spread(&cell(&lines, |_| 0.0), &all).is_some());
+    }
+
+    #[test]
+    fn strips_have_all_rows_and_few_pulses() {
+        // Rows of 1 to 7 hundreds of pulses, and one of many.
+        let count = |row: i64| if row == 5 { 5000 } else { 100 * (1 + row.rem_euclid(7)) as usize };
+        let strips = strips((-20..30).flat_map(|row| std::iter::repeat_n(row, count(row))));
+        let rows: Vec<i64> = strips.iter().cloned().flatten().collect();
+        assert_eq!(rows, (-20..30).collect::<Vec<_>>());
+        let pulses = |strip: &RangeInclusive<i64>| strip.clone().map(count).sum::<usize>();
+        assert!(strips.iter().all(|strip| pulses(strip) <= STRIP_PULSES || *strip == (5..=5)), "{strips:?}");
+        assert!(strips.len() > 15 && super::strips(std::iter::empty()).is_empty());
     }
 
     #[test]

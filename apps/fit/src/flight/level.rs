@@ -1,7 +1,8 @@
 //! Straight flights, and the height of their platform by scan angles or by returns.
 
 use super::phases::StraightLine;
-use super::recording::{Pulse, Recording};
+use super::pulses::Pulse;
+use super::recording::Recording;
 use super::solution::MIN_DEPTH;
 use libm::tan;
 use vlscan_geom::{DVec2, DVec3};
@@ -58,15 +59,14 @@ pub struct Level {
 
 /// Indices of some pulses, evenly chosen from lines of some length.
 pub fn sampled_pulses(recording: &Recording) -> Vec<usize> {
-    let long = recording.lines.iter().filter(|line| line.len() >= MIN_LINE_PULSES);
-    let all: Vec<usize> = long.flat_map(|line| line.clone()).collect();
-    let step = all.len().div_ceil(GUESS_PULSES).max(1);
-    all.into_iter().step_by(step).collect()
+    let long = || recording.lines.iter().filter(|line| line.len() >= MIN_LINE_PULSES);
+    let count: usize = long().map(|line| line.len()).sum();
+    long().flat_map(|line| line.clone()).step_by(count.div_ceil(GUESS_PULSES).max(1)).collect()
 }
 
 /// Mean height of the points of these pulses, m.
 pub fn mean_height(recording: &Recording, sampled: &[usize]) -> f64 {
-    sampled.iter().map(|i| recording.pulses[*i].position.z).sum::<f64>() / sampled.len().max(1) as f64
+    sampled.iter().map(|i| recording.pulses.position(*i).z).sum::<f64>() / sampled.len().max(1) as f64
 }
 
 /// Height of a platform on `track`. `None` where the angles do not change across the track.
@@ -79,19 +79,19 @@ pub fn level(recording: &Recording, sampled: &[usize], track: &Track) -> Option<
     let across = |pulse: &Pulse, point: DVec3| track.offset(point, pulse.time).dot(right);
     let (mut places, mut tangents) = (Vec::new(), Vec::new());
     if recording.has_whole_angles() {
-        for pulse in &recording.pulses {
+        for pulse in recording.pulses.iter() {
             let Some(last) = pulse.last else { continue };
             let down = pulse.position.z - last.z;
             if down > MIN_DEPTH {
-                let (first, last) = (across(pulse, pulse.position), across(pulse, last));
+                let (first, last) = (across(&pulse, pulse.position), across(&pulse, last));
                 places.push(first + (last - first) * (pulse.position.z - mean) / down);
                 tangents.push((last - first) / down);
             }
         }
     }
     if places.len() < MIN_DEEP_PULSES {
-        let pulses = sampled.iter().map(|i| &recording.pulses[*i]);
-        (places, tangents) = pulses.map(|pulse| (across(pulse, pulse.position), tan(pulse.angle))).unzip();
+        let pulses = sampled.iter().map(|i| recording.pulses.get(*i));
+        (places, tangents) = pulses.map(|pulse| (across(&pulse, pulse.position), tan(pulse.angle))).unzip();
     }
     let tangent = StraightLine::through(&places, &tangents);
     let height = 1.0 / tangent.slope;
@@ -129,7 +129,7 @@ mod tests {
         assert_eq!(sampled.len(), 2000);
         let found = level(&recording, &sampled, &track).unwrap();
         assert!((found.height - 805.0).abs() < 1e-6 && (found.across - 7.0).abs() < 1e-6, "{found:?}");
-        recording.pulses.iter_mut().for_each(|pulse| pulse.angle = 0.1);
+        recording.pulses = recording.pulses.iter().map(|pulse| Pulse { angle: 0.1, ..pulse }).collect();
         assert!(level(&recording, &sampled, &track).is_none());
     }
 }

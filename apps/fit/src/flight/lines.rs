@@ -6,11 +6,12 @@ use super::mirror::{Mirror, MirrorParameters};
 use super::model::{MAX_CHANNELS, Model};
 use super::parameters::{Channel, Parameters};
 use super::phases::{PhaseSample, StraightLine, coherence, line_rate, wrapped};
-use super::recording::{Pulse, Recording};
+use super::pulses::Pulse;
+use super::recording::Recording;
 use libm::{atan2, cos, sin, tan};
 use std::f64::consts::{PI, TAU};
 use std::ops::Range;
-use vlscan_geom::{DVec2, LeastSquares, median};
+use vlscan_geom::{DVec2, DVec3, LeastSquares, median};
 
 /// Minimum number of pulses of a line whose direction is used.
 pub const MIN_PULSES: usize = 12;
@@ -65,7 +66,7 @@ pub fn find_channels(recording: &mut Recording) {
         (0..channels.len()).min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or(0)
     };
     for line in recording.lines.clone() {
-        let middle = *middle(recording, &line);
+        let middle = middle(recording, &line);
         let number = if line.len() >= MIN_PULSES {
             nearest(&direction(recording, &line))
         } else {
@@ -75,7 +76,7 @@ pub fn find_channels(recording: &mut Recording) {
             let near = same.min_by(|a, b| interval(a).total_cmp(&interval(b)));
             near.map_or(0, |(_, direction)| nearest(direction))
         };
-        recording.pulses[line].iter_mut().for_each(|pulse| pulse.channel = number as u8);
+        recording.pulses.set_channel(line, number as u8);
     }
 }
 
@@ -100,17 +101,19 @@ fn channel_directions(mut lines: Vec<Direction>) -> Vec<Direction> {
 }
 
 /// Pulse in the middle of a line.
-fn middle<'r>(recording: &'r Recording, line: &Range<usize>) -> &'r Pulse {
-    &recording.pulses[(line.start + line.end) / 2]
+fn middle(recording: &Recording, line: &Range<usize>) -> Pulse {
+    recording.pulses.get((line.start + line.end) / 2)
 }
 
 /// Direction in which the beam moves on the ground along a line.
 fn direction(recording: &Recording, line: &Range<usize>) -> Direction {
-    let pulses = &recording.pulses[line.clone()];
-    let times: Vec<f64> = pulses.iter().map(|pulse| pulse.time - pulses[0].time).collect();
-    let x: Vec<f64> = pulses.iter().map(|pulse| pulse.position.x).collect();
-    let y: Vec<f64> = pulses.iter().map(|pulse| pulse.position.y).collect();
-    let (x, y) = (StraightLine::through(&times, &x), StraightLine::through(&times, &y));
+    let pulses = &recording.pulses;
+    let first = pulses.time(line.start);
+    let along = |coordinate: fn(DVec3) -> f64| {
+        let point = |i: usize| (pulses.time(i) - first, coordinate(pulses.position(i)));
+        StraightLine::through_points(line.clone().map(point))
+    };
+    let (x, y) = (along(|position| position.x), along(|position| position.y));
     Direction { axis: atan2(y.slope, x.slope), file_channel: middle(recording, line).file_channel }
 }
 
@@ -161,8 +164,8 @@ pub fn guess(recording: &Recording, mirror: Mirror, channels: usize) -> Option<M
     let number = |pulse: &Pulse| usize::from(pulse.channel).min(channels - 1);
     let sampled = sampled_pulses(recording);
     let mut pulses = vec![Vec::new(); channels];
-    for pulse in sampled.iter().map(|i| &recording.pulses[*i]) {
-        pulses[number(pulse)].push(pulse);
+    for pulse in sampled.iter().map(|i| recording.pulses.get(*i)) {
+        pulses[number(&pulse)].push(pulse);
     }
     let axes: Vec<f64> =
         (0..channels).map(|channel| axis(recording, |pulse| number(pulse) == channel)).collect();
@@ -171,8 +174,8 @@ pub fn guess(recording: &Recording, mirror: Mirror, channels: usize) -> Option<M
     let (track, mut lines) = assemble(&axes, &pulses, velocity, level.across);
     let mut speeds = Vec::new();
     for line in recording.lines.iter().filter(|line| line.len() >= MIN_PULSES) {
-        let channel = &mut lines[number(&recording.pulses[line.start])];
-        let crossing = crossing(&recording.pulses[line.clone()], &track, channel.along, level.height);
+        let channel = &mut lines[number(&recording.pulses.get(line.start))];
+        let crossing = crossing(recording, line, &track, channel.along, level.height);
         let Some(Crossing { time, speed }) = crossing else { continue };
         if speed > 0.0 {
             channel.to_right.push(time)
@@ -185,7 +188,7 @@ pub fn guess(recording: &Recording, mirror: Mirror, channels: usize) -> Option<M
     let (mut parameters, channels) = mirror_from_angles(mirror, &lines, speed)?;
     if matches!(mirror, Mirror::Turning | Mirror::Sine) {
         // The mean speed of a sweep is below that in its middle.
-        let angles = recording.pulses.iter().map(|pulse| pulse.angle.abs());
+        let angles = recording.pulses.angles().map(f64::abs);
         parameters.angle = parameters.angle.max(angles.fold(0.0, f64::max));
     }
     let mut parameters = Parameters {
@@ -204,7 +207,7 @@ pub fn guess(recording: &Recording, mirror: Mirror, channels: usize) -> Option<M
 /// Velocity of the platform by the lines of channels with these directions: lines advance at right angles to
 /// their direction with the share of the velocity in that direction. `None` if the lines of all channels are
 /// parallel.
-fn velocity_from_lines(axes: &[f64], pulses: &[Vec<&Pulse>]) -> Option<DVec2> {
+fn velocity_from_lines(axes: &[f64], pulses: &[Vec<Pulse>]) -> Option<DVec2> {
     let mut sums = LeastSquares::new(2);
     let mut advance = DVec2::ZERO;
     for (axis, pulses) in axes.iter().zip(pulses) {
@@ -221,12 +224,7 @@ fn velocity_from_lines(axes: &[f64], pulses: &[Vec<&Pulse>]) -> Option<DVec2> {
 
 /// Track of the platform, and its channels without the times of their lines. Where the platform is along the
 /// flight at time 0 follows from the positions of the lines.
-fn assemble(
-    axes: &[f64],
-    pulses: &[Vec<&Pulse>],
-    velocity: DVec2,
-    across: f64,
-) -> (Track, Vec<ChannelLines>) {
+fn assemble(axes: &[f64], pulses: &[Vec<Pulse>], velocity: DVec2, across: f64) -> (Track, Vec<ChannelLines>) {
     let track = Track { start: DVec2::ZERO, velocity };
     let (forward, right) = (track.forward(), track.right());
     let lines: Vec<ChannelLines> = axes.iter().map(|axis| ChannelLines::new(*axis, &track)).collect();
@@ -294,14 +292,20 @@ pub struct Crossing {
 
 /// The crossing of a line in the direction `along` from a platform on `track` at `height`; `None` if its
 /// angle does not change.
-pub fn crossing(line: &[Pulse], track: &Track, along: DVec2, height: f64) -> Option<Crossing> {
-    let first = line.first()?.time;
-    let angle = |pulse: &Pulse| {
+pub fn crossing(
+    recording: &Recording,
+    line: &Range<usize>,
+    track: &Track,
+    along: DVec2,
+    height: f64,
+) -> Option<Crossing> {
+    let first = recording.pulses.time(line.start);
+    let angle = |pulse: Pulse| {
         let offset = track.offset(pulse.position, pulse.time);
         (pulse.time - first, atan2(offset.dot(along), height - pulse.position.z))
     };
-    let (times, angles): (Vec<f64>, Vec<f64>) = line.iter().map(angle).unzip();
-    let angle = StraightLine::through(&times, &angles);
+    let angles: Vec<(f64, f64)> = recording.pulses.range(line.clone()).map(angle).collect();
+    let angle = StraightLine::through_points(angles.iter().copied());
     (angle.slope != 0.0 && angle.slope.is_finite())
         .then(|| Crossing { time: first - angle.start / angle.slope, speed: angle.slope })
 }
@@ -309,11 +313,14 @@ pub fn crossing(line: &[Pulse], track: &Track, along: DVec2, height: f64) -> Opt
 /// Main axis of the pulses of a channel about the centres of their lines: its angle from east.
 fn axis(recording: &Recording, is_of_channel: impl Fn(&Pulse) -> bool) -> f64 {
     let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
-    let lines = recording.lines.iter().map(|line| &recording.pulses[line.clone()]);
-    for line in lines.filter(|line| line.len() >= MIN_AXIS_PULSES && is_of_channel(&line[0])) {
-        let mean = line.iter().map(|pulse| pulse.position.truncate()).sum::<DVec2>() / line.len() as f64;
-        for pulse in line {
-            let DVec2 { x, y } = pulse.position.truncate() - mean;
+    let pulses = &recording.pulses;
+    let is_used =
+        |line: &&Range<usize>| line.len() >= MIN_AXIS_PULSES && is_of_channel(&pulses.get(line.start));
+    for line in recording.lines.iter().filter(is_used) {
+        let places = line.clone().map(|i| pulses.position(i).truncate());
+        let mean = places.clone().sum::<DVec2>() / line.len() as f64;
+        for place in places {
+            let DVec2 { x, y } = place - mean;
             (xx, xy, yy) = (xx + x * x, xy + x * y, yy + y * y);
         }
     }
@@ -323,7 +330,7 @@ fn axis(recording: &Recording, is_of_channel: impl Fn(&Pulse) -> bool) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use vlscan_geom::{DVec3, radians};
+    use vlscan_geom::radians;
 
     /// Pulses at 1000 m over flat ground with lines of `turned` rad from across a flight to the north at 50
     /// m/s: 100 lines a second, each of 40 degrees, from left to right or every second one back.

@@ -7,8 +7,11 @@
 //!
 //! | file | what it does |
 //! |---|---|
-//! | `points`, `straight` | the points of one flight line, without turns |
-//! | `recording` | pulses of one flight line, cut to lines of the scanner |
+//! | `flight_lines`, `straight` | the flight lines of a cloud, without turns |
+//! | `points`, `windows` | the points of one flight line, or those of some windows of time |
+//! | `grouping`, `pulses` | points as pulses, in little memory |
+//! | `search` | order statistics of values that are not kept |
+//! | `recording`, `outliers` | pulses of one flight line, cut to lines of the scanner; noise |
 //! | `turning` | scanners that stand and turn, which are rejected |
 //! | `sweeps` | lines that no gap divides: sweeps of a mirror that swings, full turns |
 //! | `phases`, `level` | rates and phases of what recurs; straight flights and their height |
@@ -17,6 +20,7 @@
 //! | `sections`, `residuals`, `equations`, `solve`, `solution` | least squares for parameters and attitudes |
 //! | `choice` | the kind of mirror that explains the points |
 //! | `rate`, `repeat` | when pulses leave: by the place of the mirror, and patterns that repeat |
+//! | `finer_times` | times by the positions of points |
 //! | `clock` | the pulses of thinned clouds |
 //! | `ground` | noise of ranges |
 //! | `trend` | changes of the pitch that look like another speed |
@@ -31,21 +35,27 @@ mod doubts;
 mod equations;
 mod error;
 mod facets;
+mod finer_times;
+mod flight_lines;
 mod ground;
+mod grouping;
 mod guess;
 mod level;
 mod lines;
 mod mirror;
 mod model;
+mod outliers;
 mod parameters;
 mod phases;
 mod pipeline;
 mod points;
+mod pulses;
 mod rate;
 mod recording;
 mod repeat;
 mod report;
 mod residuals;
+mod search;
 mod sections;
 mod solution;
 mod solve;
@@ -55,6 +65,7 @@ mod sweeps;
 mod tests;
 mod trend;
 mod turning;
+mod windows;
 mod write;
 
 pub use error::{FlightError, Misfit};
@@ -62,14 +73,15 @@ pub use ground::RangeScatter;
 pub use mirror::{Mirror, MirrorParameters};
 pub use model::{Attitude, Footprint, Model};
 pub use parameters::{Channel, Parameters};
+pub use pulses::{Pulse, Pulses};
 pub use rate::{MAX_LOST_SHARE, PulseRate};
-pub use recording::{Pulse, Recording};
+pub use recording::Recording;
 pub use report::{Figure, json, table};
 pub use solution::Solution;
 pub(crate) use turning::steady_turn;
 pub use write::FlightFiles;
 
-use crate::limit::PointLimit;
+use crate::limit::DEFAULT_MEMORY;
 use choice::{NoSolution, best_solution};
 use std::path::{Path, PathBuf};
 use vlscan_base::diag::{Diagnostics, Place};
@@ -92,7 +104,8 @@ pub struct FlightRequest {
     pub flight_line: Option<u16>,
     /// Time by which the written flight is extended after the recording, s.
     pub extend: f64,
-    /// Memory that the points may take, bytes; `None` for no limit.
+    /// Memory that the points may take, bytes; 1 GiB by default. Of a flight line with more points the scan
+    /// lines of some seconds are fitted.
     pub max_memory: Option<u64>,
 }
 
@@ -126,12 +139,13 @@ pub fn fit_flight(path: &Path, request: &FlightRequest, found: &mut Diagnostics)
         let message = format!("--extend {}: expected seconds from 0 to {MAX_EXTENSION}", request.extend);
         return Err(Error::input(message));
     }
-    let limit = PointLimit::new(request.max_memory);
-    let mut recording = Recording::read(path, request.flight_line, limit, found)?;
+    let max_memory = request.max_memory.unwrap_or(DEFAULT_MEMORY);
+    let mut recording = Recording::read(path, request.flight_line, max_memory, found)?;
     reject_tripod(path, &recording)?;
     if let Some(lines) = sweeps::of_undivided(&recording) {
         recording.lines = lines;
     }
+    recording.leave_out_cut_lines();
     lines::find_channels(&mut recording);
     let solution = match best_solution(&recording) {
         Ok(solution) => solution,
@@ -163,7 +177,7 @@ pub fn fit_flight(path: &Path, request: &FlightRequest, found: &mut Diagnostics)
 
 /// The error for a scanner that turns at a fixed position, or a flight with turns.
 fn reject_tripod(path: &Path, recording: &Recording) -> Result<()> {
-    let Some(turn) = turning::steady_turn(&recording.pulses, &recording.lines) else { return Ok(()) };
+    let Some(turn) = turning::steady_turn(recording) else { return Ok(()) };
     let message = format!(
         "{}: the scan lines turn steadily by {:.0}° in {:.0} s, as those of a scanner on a tripod or of a \
          platform that turns do: this is no flight line",
@@ -183,13 +197,10 @@ fn best_turned_solution(recording: &mut Recording, failed: &NoSolution) -> Optio
     if failed.has_angles {
         return None;
     }
-    let turn = |recording: &mut Recording| {
-        recording.pulses.iter_mut().for_each(|pulse| pulse.angle = -pulse.angle);
-    };
-    turn(recording);
+    recording.pulses.reverse_angles();
     let solution = best_solution(recording).ok();
     if solution.is_none() {
-        turn(recording);
+        recording.pulses.reverse_angles();
     }
     solution
 }

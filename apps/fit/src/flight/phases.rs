@@ -23,10 +23,16 @@ pub struct StraightLine {
 impl StraightLine {
     /// Line through values by least squares; NaN if all x are equal.
     pub fn through(x: &[f64], y: &[f64]) -> StraightLine {
-        let count = x.len() as f64;
-        let (mx, my) = (x.iter().sum::<f64>() / count, y.iter().sum::<f64>() / count);
+        StraightLine::through_points(x.iter().copied().zip(y.iter().copied()))
+    }
+
+    /// Line through points (x, y) by least squares, which are computed several times; NaN if all x are equal.
+    pub fn through_points(points: impl Iterator<Item = (f64, f64)> + Clone) -> StraightLine {
+        let count = points.clone().count() as f64;
+        let mx = points.clone().map(|(x, _)| x).sum::<f64>() / count;
+        let my = points.clone().map(|(_, y)| y).sum::<f64>() / count;
         let (mut xx, mut xy) = (0.0, 0.0);
-        for (x, y) in x.iter().zip(y) {
+        for (x, y) in points {
             xx += (x - mx) * (x - mx);
             xy += (x - mx) * (y - my);
         }

@@ -3,7 +3,7 @@
 use super::FlightFit;
 use super::doubts::Doubt;
 use super::mirror::Mirror;
-use super::recording::Pulse;
+use super::pulses::Pulse;
 use super::write::FlightFiles;
 use std::fmt::Write as _;
 use std::path::Path;
@@ -292,8 +292,7 @@ impl FlightFit {
     /// A comment with the largest recorded scan angle, if a polygon mirror fires well beyond it: a cloud does
     /// not show if the scanner fires no farther, or if a tile ends there.
     fn unrecorded_angles(&self) -> Option<Row> {
-        let pulses = self.recording.pulses.iter();
-        let recorded = degrees(pulses.map(|pulse| pulse.angle.abs()).fold(0.0, f64::max));
+        let recorded = degrees(self.recording.pulses.angles().map(f64::abs).fold(0.0, f64::max));
         let is_narrower = recorded < RECORDED_ANGLES * degrees(self.scan_angle());
         let key = Row::new("scan_angle_deg", format_args!("{recorded:.1}"));
         let comment = "recorded scan angles, with the roll, reach this one; set it if the scanner fires no \
@@ -317,7 +316,7 @@ impl FlightFit {
         let pulses = &self.recording.pulses;
         let step = pulses.len().div_ceil(RANGE_PULSES).max(1);
         let ranges = pulses.iter().step_by(step);
-        let range = |pulse: &Pulse| self.solution.model.position(pulse.time).distance(pulse.position);
+        let range = |pulse: Pulse| self.solution.model.position(pulse.time).distance(pulse.position);
         ranges.map(range).fold(0.0, f64::max)
     }
 }

@@ -2,21 +2,23 @@
 //! line, and intervals that repeat.
 
 use super::clock::{Clock, thinned_clock};
+use super::finer_times::{FinerTimes, finer_times};
 use super::model::Model;
-use super::recording::Recording;
+use super::recording::{LOST, Recording};
 use super::repeat::{LinePattern, interval_pattern};
+use super::search::{OrderSearch, median_of, search};
 use super::solution::Solution;
+use crate::marks::Marks;
 use libm::{atan2, cos, sin};
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::f64::consts::TAU;
+use std::ops::Range;
 use vlscan_geom::median;
 
 /// Bins over a revolution of the mirror.
 const BINS: usize = 720;
 /// Minimum number of intervals in a bin.
 const MIN_INTERVALS: usize = 30;
-/// Intervals longer than the short ones of their line by this factor contain pulses without a return.
-const LOST: f64 = 1.6;
 /// Gaps of more pulses are the edge of a reflecting area (beside water, say), not lost pulses.
 const MAX_LOST: f64 = 20.0;
 /// Intervals before and after an interval that determine the usual one there, and the step between the
@@ -34,9 +36,6 @@ const MAX_RATE_RATIO: f64 = 10.0;
 pub const MAX_LOST_SHARE: f64 = 0.2;
 /// A rate that changes less over the revolution, and from line to line, counts as constant.
 const CONSTANT: f64 = 0.003;
-
-/// Maximum rounding of times, as a share of the interval between pulses, at which the times determine it.
-const MAX_TIME_STEP: f64 = 0.2;
 
 /// Times of pulses.
 #[derive(Clone, Debug)]
@@ -84,15 +83,16 @@ impl PulseRate {
     pub fn of(recording: &Recording, solution: &Solution) -> PulseRate {
         let model = &solution.model;
         let finer = finer_times(recording, solution);
-        let interval_before = |i: usize| match finer.coarse.is_some() && finer.step == 0.0 {
-            true => finer.times[i] - finer.times[i - 1],
-            false => recording.interval_before(i),
+        let interval_before = |i: usize| match finer.coarse {
+            Some(_) => finer.time(recording, i) - finer.time(recording, i - 1),
+            None => recording.interval_before(i),
         };
-        let (pairs, losses) = neighbour_pairs(recording, &interval_before);
+        let (neighbours, losses) = neighbour_pairs(recording, &interval_before);
+        let pairs = || pairs_of(recording, &neighbours, &interval_before);
         let (lost, lost_deviation) = share_lost(&losses);
-        let mean = pairs.iter().map(|pair| pair.interval).sum::<f64>() / pairs.len().max(1) as f64;
-        let by_phase = intervals_by_phase(recording, model, &pairs);
-        let lines = factors_of_lines(recording, model, &pairs, &by_phase);
+        let mean = pairs().map(|pair| pair.interval).sum::<f64>() / pairs().count().max(1) as f64;
+        let by_phase = intervals_by_phase(recording, model, pairs());
+        let lines = factors_of_lines(recording, model, pairs(), &by_phase);
         let middle = mean_part(lines.iter().map(|(time, _)| model.fraction(0, *time)));
         let factors: BTreeMap<i64, f64> =
             lines.iter().map(|(time, factor)| (number(solution, middle, *time), *factor)).collect();
@@ -121,8 +121,10 @@ impl PulseRate {
         if rate.of_lines < CONSTANT {
             rate.pattern = None;
         }
-        let deviations = rate.deviations(recording, solution, &finer.times);
-        rate.dither = interval_pattern(&deviations);
+        let each_run = |visit: &mut dyn FnMut(&[Option<f64>])| {
+            rate.for_each_run(recording, solution, &finer, visit);
+        };
+        rate.dither = interval_pattern(&each_run);
         // Smaller deviations are insignificant, or a residue of the rounding of times.
         let smallest = CONSTANT.max(0.5 * finer.step / mean);
         if rate.dither.iter().all(|factor| (factor - 1.0).abs() < smallest) {
@@ -147,30 +149,40 @@ impl PulseRate {
         self.factors.clear();
     }
 
-    /// Relative deviations of intervals from those of their place and line: runs of neighbouring pulses,
-    /// `None` where a pulse is missing. `times` are those of the pulses, s.
-    fn deviations(&self, recording: &Recording, solution: &Solution, times: &[f64]) -> Vec<Vec<Option<f64>>> {
-        let mut runs = vec![Vec::new()];
+    /// Passes relative deviations of intervals from those of their place and line to `visit`: runs of
+    /// neighbouring pulses, `None` where a pulse is missing.
+    fn for_each_run(
+        &self,
+        recording: &Recording,
+        solution: &Solution,
+        finer: &FinerTimes,
+        visit: &mut dyn FnMut(&[Option<f64>]),
+    ) {
+        let mut run: Vec<Option<f64>> = Vec::new();
         for range in &recording.lines {
             let intervals: Vec<f64> = range.clone().skip(1).map(|i| recording.interval_before(i)).collect();
             let local = local_usual(&intervals, usual(&intervals));
-            runs.push(Vec::new());
             for ((i, interval), usual) in range.clone().zip(intervals).zip(local) {
-                let pulse = &recording.pulses[i];
+                let pulse = recording.pulses.get(i);
                 let place =
                     self.by_phase[bin(solution.model.fraction(usize::from(pulse.channel), pulse.time))];
                 let expected = place.map(|interval| interval * self.factor(solution, pulse.time));
                 let pulses = (interval / usual).round().max(1.0);
-                match (runs.last_mut(), expected) {
-                    (Some(run), Some(expected)) if pulses == 1.0 => {
-                        run.push(Some((times[i + 1] - times[i]) / expected - 1.0));
+                match expected {
+                    Some(expected) if pulses == 1.0 => {
+                        let interval = finer.time(recording, i + 1) - finer.time(recording, i);
+                        run.push(Some(interval / expected - 1.0));
                     }
-                    (Some(run), _) if pulses <= MAX_LOST => run.extend(vec![None; pulses as usize]),
-                    _ => runs.push(Vec::new()),
+                    _ if pulses <= MAX_LOST => run.extend(std::iter::repeat_n(None, pulses as usize)),
+                    _ => {
+                        visit(&run);
+                        run.clear();
+                    }
                 }
             }
+            visit(&run);
+            run.clear();
         }
-        runs
     }
 
     /// True if the rate depends neither on the phase of the mirror nor on the line, or if the recording has
@@ -197,37 +209,36 @@ impl PulseRate {
 
     /// Times of pulses from 0 to `duration` in the part of the revolution that was recorded, s. Lines that
     /// were not recorded have the level of their place in the pattern of lines, or else that of the recorded
-    /// line next to them. `None` if there are fewer than two, or more than `max`.
-    pub fn times(&self, solution: &Solution, duration: f64, max: usize) -> Option<Vec<f64>> {
+    /// line next to them.
+    pub fn times<'r>(&'r self, solution: &'r Solution, duration: f64) -> impl Iterator<Item = f64> + 'r {
         let rate = solution.model.parameters.mirror.rate.abs();
         let is_backward = solution.model.parameters.mirror.rate < 0.0;
-        let mut times = Vec::new();
-        let mut time = 0.0;
-        while time <= duration {
-            let (before, part) = (time, solution.model.fraction(0, time));
-            let bin = bin(part);
-            match self.by_phase[bin] {
-                Some(interval) => {
-                    let dither = self.dither.get(times.len() % self.dither.len().max(1)).unwrap_or(&1.0);
-                    times.push(time);
-                    time += interval * self.factor(solution, time) * dither;
-                }
-                None => {
+        let (mut count, mut time) = (0, 0.0);
+        std::iter::from_fn(move || {
+            while time <= duration {
+                let (before, part) = (time, solution.model.fraction(0, time));
+                let bin = bin(part);
+                let found = self.by_phase[bin].map(|interval| {
+                    let dither = self.dither.get(count % self.dither.len().max(1)).unwrap_or(&1.0);
+                    interval * self.factor(solution, before) * dither
+                });
+                time += found.unwrap_or_else(|| {
                     // To the next bin.
                     let place = part * BINS as f64;
                     let rest = if is_backward { place - bin as f64 } else { (bin + 1) as f64 - place };
-                    time += (rest + 1e-6) / (BINS as f64 * rate);
+                    (rest + 1e-6) / (BINS as f64 * rate)
+                });
+                // A step may be smaller than the rounding of a late time.
+                if time == before {
+                    time = before.next_up();
+                }
+                if found.is_some() {
+                    count += 1;
+                    return Some(before);
                 }
             }
-            // A step may be smaller than the rounding of a late time.
-            if time == before {
-                time = before.next_up();
-            }
-            if times.len() > max {
-                return None;
-            }
-        }
-        (times.len() > 1).then_some(times)
+            None
+        })
     }
 
     /// Factor of the intervals of the line at `time`.
@@ -265,34 +276,45 @@ struct Losses {
     lost: f64,
 }
 
-/// Pairs of neighbouring pulses, and the pulses of each line. `interval_before` is the time from the pulse
-/// before to a pulse, s.
-fn neighbour_pairs(
-    recording: &Recording,
-    interval_before: &impl Fn(usize) -> f64,
-) -> (Vec<Pair>, Vec<Losses>) {
-    let mut pairs = Vec::new();
+/// Marks of the pulses of all lines, one line after the other, that are the first of two neighbouring ones,
+/// and the pulses of each line. `interval_before` is the time from the pulse before to a pulse, s.
+fn neighbour_pairs(recording: &Recording, interval_before: &impl Fn(usize) -> f64) -> (Marks, Vec<Losses>) {
+    let mut neighbours = Marks::default();
     let mut losses = vec![Losses::default(); recording.lines.len()];
-    let all = recording.lines.iter().flat_map(|line| line.clone().skip(1));
-    let of_all = usual(&all.map(interval_before).collect::<Vec<_>>());
+    let all = || recording.lines.iter().flat_map(|line| line.clone().skip(1)).map(interval_before);
+    let of_all = usual_of(all);
     for (line, range) in recording.lines.iter().enumerate() {
         let intervals: Vec<f64> = range.clone().skip(1).map(interval_before).collect();
         // Of thinned lines, few intervals are those of neighbouring pulses.
         let usual = Some(usual(&intervals)).filter(|usual| *usual < LOST * of_all).unwrap_or(of_all);
         let local = local_usual(&intervals, usual);
         let of_line = &mut losses[line];
-        for ((first, interval), usual) in range.clone().zip(intervals).zip(local) {
+        for (interval, usual) in intervals.into_iter().zip(local) {
             let missing = (interval / usual).round() - 1.0;
-            if missing < 1.0 {
-                pairs.push(Pair { first, interval, line });
-            }
+            neighbours.push(missing < 1.0);
             if missing <= MAX_LOST {
                 of_line.recorded += 1.0;
                 of_line.lost += missing.max(0.0);
             }
         }
+        // The last pulse of a line.
+        range.clone().take(1).for_each(|_| neighbours.push(false));
     }
-    (pairs, losses)
+    (neighbours, losses)
+}
+
+/// The pairs of pulses of which the first is marked, see [`neighbour_pairs`].
+fn pairs_of<'r>(
+    recording: &'r Recording,
+    neighbours: &'r Marks,
+    interval_before: &'r impl Fn(usize) -> f64,
+) -> impl Iterator<Item = Pair> + 'r {
+    let of_line = |(line, range): (usize, &'r Range<usize>)| range.clone().map(move |first| (line, first));
+    let pulses = recording.lines.iter().enumerate().flat_map(of_line).enumerate();
+    pulses.filter(move |(place, _)| neighbours.has(*place)).map(move |(_, (line, first))| {
+        let interval = interval_before(first + 1);
+        Pair { first, interval, line }
+    })
 }
 
 /// Share of the pulses that are lost, and its standard deviation by the differences between lines (that of a
@@ -329,15 +351,19 @@ fn local_usual(intervals: &[f64], of_line: f64) -> Vec<f64> {
 
 /// Bin of the mirror's phase at the first pulse of a pair.
 fn bin_of(recording: &Recording, model: &Model, pair: &Pair) -> usize {
-    let pulse = &recording.pulses[pair.first];
+    let pulse = recording.pulses.get(pair.first);
     bin(model.fraction(usize::from(pulse.channel), pulse.time))
 }
 
 /// Mean interval by phase of the mirror, s; `None` for bins of few intervals.
-fn intervals_by_phase(recording: &Recording, model: &Model, pairs: &[Pair]) -> Vec<Option<f64>> {
+fn intervals_by_phase(
+    recording: &Recording,
+    model: &Model,
+    pairs: impl Iterator<Item = Pair>,
+) -> Vec<Option<f64>> {
     let mut sums = vec![(0.0, 0usize); BINS];
     for pair in pairs {
-        let sum = &mut sums[bin_of(recording, model, pair)];
+        let sum = &mut sums[bin_of(recording, model, &pair)];
         *sum = (sum.0 + pair.interval, sum.1 + 1);
     }
     sums.iter().map(|(sum, count)| (*count >= MIN_INTERVALS).then(|| sum / *count as f64)).collect()
@@ -348,110 +374,22 @@ fn intervals_by_phase(recording: &Recording, model: &Model, pairs: &[Pair]) -> V
 fn factors_of_lines(
     recording: &Recording,
     model: &Model,
-    pairs: &[Pair],
+    pairs: impl Iterator<Item = Pair>,
     by_phase: &[Option<f64>],
 ) -> Vec<(f64, f64)> {
     let mut sums = vec![(0.0, 0usize); recording.lines.len()];
     for pair in pairs {
-        if let Some(usual) = by_phase[bin_of(recording, model, pair)] {
+        if let Some(usual) = by_phase[bin_of(recording, model, &pair)] {
             let sum = &mut sums[pair.line];
             *sum = (sum.0 + pair.interval / usual, sum.1 + 1);
         }
     }
-    let times = recording.lines.iter().map(|line| recording.pulses[(line.start + line.end) / 2].time);
+    let times = recording.lines.iter().map(|line| recording.pulses.time((line.start + line.end) / 2));
     times
         .zip(&sums)
         .filter(|(_, (_, count))| *count >= MIN_INTERVALS)
         .map(|(time, (sum, count))| (time, sum / *count as f64))
         .collect()
-}
-
-/// Times of pulses, of which only differences between neighbours are of use.
-struct FinerTimes {
-    /// The step to which they are rounded, s.
-    step: f64,
-    /// s.
-    times: Vec<f64>,
-    /// The step of the times in the file, s, if it is too large to determine the intervals of pulses.
-    coarse: Option<f64>,
-    /// Standard deviation of the times in the file from those of the positions, s, without slow changes.
-    error: f64,
-}
-
-/// Times of pulses from the positions of their points, where these are finer than the times in the file:
-/// the time at which the beam of the model passes the point.
-fn finer_times(recording: &Recording, solution: &Solution) -> FinerTimes {
-    const STEP: f64 = 1e-7;
-    /// Median of the squared second differences of normal deviates of variance 1.
-    const OF_ROUGHNESS: f64 = 6.0 * 0.4549;
-    let by_time: Vec<f64> = recording.pulses.iter().map(|pulse| pulse.time).collect();
-    let by_place: Vec<f64> = recording
-        .pulses
-        .iter()
-        .map(|pulse| {
-            let attitude = solution.attitude(pulse.time);
-            let channel = usize::from(pulse.channel);
-            let at = |time| solution.model.footprint(&attitude, channel, time, pulse.position.z);
-            let (before, after) = (at(pulse.time - STEP), at(pulse.time + STEP));
-            let (x, y) = ((after.x - before.x) / (2.0 * STEP), (after.y - before.y) / (2.0 * STEP));
-            let (off_x, off_y) = (
-                0.5 * (before.x + after.x) - pulse.position.x,
-                0.5 * (before.y + after.y) - pulse.position.y,
-            );
-            pulse.time - (off_x * x + off_y * y) / (x * x + y * y).max(1e-12)
-        })
-        .collect();
-    // Changes of the interval from pulse to pulse: rounding makes them large.
-    let roughness = |times: &[f64]| {
-        let changes = recording.lines.iter().flat_map(|line| line.clone().skip(2)).filter_map(|i| {
-            let is_near = recording.interval_before(i).max(recording.interval_before(i - 1))
-                < LOST * recording.interval;
-            is_near.then(|| (times[i] - 2.0 * times[i - 1] + times[i - 2]).powi(2))
-        });
-        median(changes).unwrap_or(0.0)
-    };
-    let differences: Vec<f64> = by_place.iter().zip(&by_time).map(|(place, time)| place - time).collect();
-    let error = (roughness(&differences) / OF_ROUGHNESS).sqrt();
-    let step = time_step(recording);
-    let coarse = coarse_step(recording, step, &by_place);
-    // Few intervals differ from the most frequent one where the steps are large.
-    let of_times = coarse.map_or_else(|| roughness(&by_time), |step| 0.5 * step * step);
-    match roughness(&by_place) < of_times {
-        true => FinerTimes { step: 0.0, times: by_place, coarse, error },
-        false => FinerTimes { step: coarse.unwrap_or(step), times: by_time, coarse, error },
-    }
-}
-
-/// The step of times that is too large to determine the intervals of pulses, s; `None` if the times do.
-///
-/// If it is nearly an interval, most intervals have one value, which differs from that of the positions of
-/// the points.
-fn coarse_step(recording: &Recording, step: f64, by_place: &[f64]) -> Option<f64> {
-    const MAX_DIFFERENCE: f64 = 0.05;
-    if step > MAX_TIME_STEP * recording.interval {
-        return Some(step);
-    }
-    let (mut of_times, mut of_places) = (0.0, 0.0);
-    for i in recording.lines.iter().flat_map(|line| line.clone().skip(1)) {
-        if recording.interval_before(i) < LOST * recording.interval {
-            of_times += recording.interval_before(i);
-            of_places += by_place[i] - by_place[i - 1];
-        }
-    }
-    // False for NaN.
-    ((of_places - of_times).abs() > MAX_DIFFERENCE * of_times).then_some(recording.interval)
-}
-
-/// The step to which times are rounded, s, by the few values that intervals have then; 0 if they have many.
-fn time_step(recording: &Recording) -> f64 {
-    const MAX_VALUES: usize = 40;
-    // In units of 10 ns: times since 1980 are stored to 60 ns, seconds of the week to 0.1 ns.
-    let near =
-        recording.lines.iter().flat_map(|line| line.clone().skip(1)).map(|i| recording.interval_before(i));
-    let near = near.filter(|interval| *interval < LOST * recording.interval);
-    let values: BTreeSet<i64> = near.map(|interval| (interval * 1e8).round() as i64).collect();
-    let smallest = values.iter().zip(values.iter().skip(1)).map(|(a, b)| b - a).min().unwrap_or(0);
-    if values.len() > MAX_VALUES { 0.0 } else { 1e-8 * smallest as f64 }
 }
 
 /// The usual interval between neighbouring pulses, s, of intervals of which some hold pulses without a
@@ -462,6 +400,12 @@ fn usual(intervals: &[f64]) -> f64 {
     let short = sorted.get(sorted.len() / 20).copied().unwrap_or(0.0);
     sorted.retain(|interval| *interval < LOST * short);
     median(sorted).unwrap_or(0.0)
+}
+
+/// [`usual`] of very many intervals, which are computed several times.
+fn usual_of<I: Iterator<Item = f64>>(intervals: impl Fn() -> I) -> f64 {
+    let short = search(OrderSearch::of(|count| [count / 20; 2]), &intervals).unwrap_or(0.0);
+    median_of(|| intervals().filter(move |interval| *interval < LOST * short)).unwrap_or(0.0)
 }
 
 /// Standard deviation.

@@ -18,24 +18,16 @@ const AS_GOOD: f64 = 0.85;
 const MAX_LEFT: f64 = 0.6;
 const ROUNDS: usize = 4;
 
+/// Passes runs of intervals between neighbouring pulses of a line, `None` where a pulse is missing, to a
+/// function: the same runs in each call.
+pub type Runs<'r> = dyn Fn(&mut dyn FnMut(&[Option<f64>])) + 'r;
+
 /// Relative deviations of intervals from their mean that recur after some pulses, as factors with the mean 1;
 /// empty if they do not recur.
 ///
-/// Each series is a run of intervals between neighbouring pulses of a line, `None` where a pulse is missing.
-/// The place in the pattern at which a line begins is not known beforehand.
-pub fn interval_pattern(series: &[Vec<Option<f64>>]) -> Vec<f64> {
-    let covariance = |lag: usize| {
-        let (mut sum, mut count) = (0.0, 0.0);
-        for values in series {
-            for (a, b) in values.iter().zip(values.iter().skip(lag)) {
-                if let (Some(a), Some(b)) = (a, b) {
-                    (sum, count) = (sum + a * b, count + 1.0);
-                }
-            }
-        }
-        (sum / f64::max(count, 1.0), count)
-    };
-    let of_lag: Vec<(f64, f64)> = (0..=MAX_PULSES).map(covariance).collect();
+/// The place in the pattern at which a run begins is not known beforehand.
+pub fn interval_pattern(each_run: &Runs) -> Vec<f64> {
+    let Covariances { of_lag, longest_run } = Covariances::of(each_run);
     let largest = of_lag[2..].iter().filter(|lag| lag.1 >= MIN_PAIRS).map(|lag| lag.0).fold(0.0, f64::max);
     let smallest_before = |lag: usize| of_lag[1..lag].iter().map(|lag| lag.0).fold(f64::INFINITY, f64::min);
     let is_period = |lag: &usize| {
@@ -47,32 +39,32 @@ pub fn interval_pattern(series: &[Vec<Option<f64>>]) -> Vec<f64> {
         return Vec::new();
     }
     let Some(period) = (2..=MAX_PULSES).find(is_period) else { return Vec::new() };
-    // Sums and counts by place in the pattern.
-    let folded = |values: &[Option<f64>]| {
-        let mut sums = vec![(0.0, 0.0); period];
+    // Sums and counts by place in the pattern; short runs have fewer places.
+    let mut lines: Vec<Vec<(f64, f64)>> = Vec::new();
+    each_run(&mut |values| {
+        let mut sums = vec![(0.0, 0.0); period.min(values.len())];
         for (k, value) in values.iter().enumerate() {
             if let Some(value) = value {
                 sums[k % period].0 += value;
                 sums[k % period].1 += 1.0;
             }
         }
-        sums
+        lines.push(sums);
+    });
+    let at = |line: &[(f64, f64)], k: usize| line.get(k % period).copied().unwrap_or((0.0, 0.0));
+    let means = |line: &[(f64, f64)]| -> Vec<f64> {
+        (0..period).map(|k| at(line, k)).map(|(sum, n)| sum / f64::max(n, 1.0)).collect()
     };
-    let lines: Vec<Vec<(f64, f64)>> = series.iter().map(|values| folded(values)).collect();
-    let means =
-        |sums: &[(f64, f64)]| -> Vec<f64> { sums.iter().map(|(sum, n)| sum / f64::max(*n, 1.0)).collect() };
-    let Some(first) = series.iter().enumerate().max_by_key(|(_, values)| values.len()) else {
-        return Vec::new();
-    };
-    let mut pattern = means(&lines[first.0]);
+    let Some(longest) = lines.get(longest_run) else { return Vec::new() };
+    let mut pattern = means(longest);
     for _ in 0..ROUNDS {
         let mut sums = vec![(0.0, 0.0); period];
         for line in &lines {
             let agreement =
-                |shift: usize| (0..period).map(|k| line[(k + shift) % period].0 * pattern[k]).sum::<f64>();
+                |shift: usize| (0..period).map(|k| at(line, k + shift).0 * pattern[k]).sum::<f64>();
             let shift = (0..period).max_by(|a, b| agreement(*a).total_cmp(&agreement(*b))).unwrap_or(0);
             for (k, sum) in sums.iter_mut().enumerate() {
-                let (value, count) = line[(k + shift) % period];
+                let (value, count) = at(line, k + shift);
                 *sum = (sum.0 + value, sum.1 + count);
             }
         }
@@ -80,6 +72,36 @@ pub fn interval_pattern(series: &[Vec<Option<f64>>]) -> Vec<f64> {
     }
     let mean = pattern.iter().sum::<f64>() / period as f64;
     pattern.iter().map(|deviation| 1.0 + deviation - mean).collect()
+}
+
+/// Covariances of intervals with those some pulses later.
+struct Covariances {
+    /// Covariance and number of pairs by the number of pulses.
+    of_lag: Vec<(f64, f64)>,
+    /// Number of the longest run, the last one of several.
+    longest_run: usize,
+}
+
+impl Covariances {
+    fn of(each_run: &Runs) -> Covariances {
+        let mut of_lag = vec![(0.0, 0.0); MAX_PULSES + 1];
+        let (mut runs, mut longest, mut longest_run) = (0, 0, 0);
+        each_run(&mut |values| {
+            for (lag, (sum, count)) in of_lag.iter_mut().enumerate() {
+                for (a, b) in values.iter().zip(values.iter().skip(lag)) {
+                    if let (Some(a), Some(b)) = (a, b) {
+                        (*sum, *count) = (*sum + a * b, *count + 1.0);
+                    }
+                }
+            }
+            if values.len() >= longest {
+                (longest, longest_run) = (values.len(), runs);
+            }
+            runs += 1;
+        });
+        of_lag.iter_mut().for_each(|(sum, count)| *sum /= f64::max(*count, 1.0));
+        Covariances { of_lag, longest_run }
+    }
 }
 
 /// Values of lines by their place in a pattern that repeats after some lines.
@@ -139,4 +161,31 @@ fn fold(lines: &BTreeMap<i64, f64>, period: usize) -> Vec<(f64, f64)> {
         *sum = (sum.0 + value, sum.1 + 1.0);
     }
     sums
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn deviations_that_recur_are_found_in_runs_of_any_length() {
+        let factors = [0.05, 0.02, -0.03, -0.06, -0.02, 0.01, 0.03];
+        let deviation = |k: usize| (k % 50 != 9).then(|| factors[k % 7]);
+        let all: Vec<Option<f64>> = (0..6000).map(deviation).collect();
+        for length in [6000, 400, 20, 5] {
+            let each_run = |visit: &mut dyn FnMut(&[Option<f64>])| all.chunks(length).for_each(visit);
+            let found = interval_pattern(&each_run);
+            if length == 5 {
+                assert!(found.is_empty(), "{found:?}");
+                continue;
+            }
+            let differs = |shift: usize| {
+                let pairs = found.iter().enumerate();
+                pairs.map(|(k, factor)| (factor - 1.0 - factors[(k + shift) % 7]).abs()).fold(0.0, f64::max)
+            };
+            let difference = (0..7).map(differs).fold(f64::INFINITY, f64::min);
+            assert!(found.len() == 7 && difference < 1e-9, "{length}: {found:?}");
+        }
+        assert!(interval_pattern(&|_| ()).is_empty());
+    }
 }

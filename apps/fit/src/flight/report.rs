@@ -3,7 +3,7 @@
 use super::FlightFit;
 use super::mirror::Mirror;
 use super::model::{MAX_CHANNELS, MAX_FACETS};
-use super::recording::Pulse;
+use super::pulses::Pulse;
 use libm::{atan2, hypot, tan};
 use serde::Serialize;
 use vlscan_base::error::{Error, Result};
@@ -167,7 +167,7 @@ impl FlightFit {
         if model.mirror != Mirror::Oscillating {
             return [largest; 2];
         }
-        let angle = |pulse: &Pulse| {
+        let angle = |pulse: Pulse| {
             let beam = model.mirror.direction(p, phase, pulse.time);
             atan2(beam.x, -beam.z).abs()
         };
@@ -214,7 +214,8 @@ impl FlightFit {
     /// Height of the platform at time 0 above the mean of the points, m.
     fn height_above_points(&self) -> f64 {
         let pulses = &self.recording.pulses;
-        let mean = pulses.iter().map(|pulse| pulse.position.z).sum::<f64>() / pulses.len() as f64;
+        let heights = (0..pulses.len()).map(|i| pulses.position(i).z);
+        let mean = heights.sum::<f64>() / pulses.len() as f64;
         self.solution.model.parameters.position.z - mean
     }
 }

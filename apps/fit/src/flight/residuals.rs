@@ -1,6 +1,7 @@
 //! Differences between the footprints of a model and the pulses of a recording, and their weights.
 
 use super::model::Posed;
+use super::pulses::Pulse;
 use super::recording::Recording;
 use vlscan_geom::DVec3;
 
@@ -14,8 +15,7 @@ pub const RESIDUALS: usize = 5;
 /// and at the height of its last return (m), if it has several.
 ///
 /// The residual of an angle that is rounded to degrees is its distance from the interval of the rounding.
-pub fn residuals(recording: &Recording, model: &Posed, beam: DVec3, i: usize) -> [f64; RESIDUALS] {
-    let pulse = &recording.pulses[i];
+pub fn residuals(recording: &Recording, model: &Posed, beam: DVec3, pulse: &Pulse) -> [f64; RESIDUALS] {
     let at = model.footprint(beam, pulse.time, pulse.position.z);
     let mut angle = at.angle - pulse.angle;
     if recording.has_whole_angles() {
@@ -29,8 +29,7 @@ pub fn residuals(recording: &Recording, model: &Posed, beam: DVec3, i: usize) ->
 }
 
 /// The beam of a pulse in the axes of the scanner.
-pub fn beam_of(recording: &Recording, model: &Posed, i: usize) -> DVec3 {
-    let pulse = &recording.pulses[i];
+pub fn beam_of(model: &Posed, pulse: &Pulse) -> DVec3 {
     model.beam(usize::from(pulse.channel), pulse.time)
 }
 

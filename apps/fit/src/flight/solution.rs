@@ -71,7 +71,7 @@ impl Solution {
         let (mut lines, mut errors) = (Vec::new(), Vec::new());
         for line in &recording.lines {
             let (mut tangents, mut depths, mut count) = (0.0, 0.0, 0.0);
-            for pulse in &recording.pulses[line.clone()] {
+            for pulse in recording.pulses.range(line.clone()) {
                 let Some(last) = pulse.last.filter(|last| pulse.position.z - last.z > MIN_DEPTH) else {
                     continue;
                 };

@@ -1,9 +1,10 @@
 //! Lines that no gap divides: the sweeps of a mirror that swings, and full turns.
 
-use super::recording::{Pulse, Recording};
+use super::pulses::Pulses;
+use super::recording::{Recording, ends};
 use std::ops::Range;
 
-/// Maximum number of lines of a recording that gaps do not divide.
+/// Maximum number of lines of a recording that gaps do not divide, in each window of time.
 const MAX_LINES: usize = 2;
 /// Minimum number of sweeps in a recording that is divided.
 const MIN_SWEEPS: usize = 20;
@@ -18,20 +19,18 @@ const JUMP: f64 = 0.5;
 /// are in the cloud, or of one that turns fully. `None` if gaps divide it, or if the scan angles do not go to
 /// and fro.
 pub fn of_undivided(recording: &Recording) -> Option<Vec<Range<usize>>> {
-    if recording.lines.len() > MAX_LINES {
+    if recording.lines.len() > MAX_LINES * recording.max_windows() {
         return None;
     }
-    let angles = recording.pulses.iter().map(|pulse| pulse.angle);
-    let ends = (f64::INFINITY, f64::NEG_INFINITY);
-    let (low, high) = angles.fold(ends, |(low, high), angle| (low.min(angle), high.max(angle)));
+    let (low, high) = ends(recording.pulses.angles());
     let range = high - low;
     let back = (BACK_STEPS * recording.angle_step).max(BACK * range);
     let mut sweeps = Vec::new();
     for line in &recording.lines {
         let mut begin = line.start;
-        for border in borders(&recording.pulses[line.clone()], back, JUMP * range) {
-            sweeps.push(begin..line.start + border);
-            begin = line.start + border;
+        for border in borders(&recording.pulses, line, back, JUMP * range) {
+            sweeps.push(begin..border);
+            begin = border;
         }
         sweeps.push(begin..line.end);
     }
@@ -47,8 +46,8 @@ struct Extreme {
 }
 
 impl Extreme {
-    fn at(pulses: &[Pulse], i: usize) -> Extreme {
-        Extreme { angle: pulses[i].angle, first: i, last: i }
+    fn at(pulses: &Pulses, i: usize) -> Extreme {
+        Extreme { angle: pulses.angle(i), first: i, last: i }
     }
 
     /// The middle of the pulses at the extreme, of which rounded angles have several.
@@ -57,8 +56,8 @@ impl Extreme {
     }
 
     /// Takes a pulse whose angle is at least as far out in the direction of `sense`.
-    fn extend(&mut self, pulses: &[Pulse], i: usize, sense: f64) {
-        let beyond = sense * (pulses[i].angle - self.angle);
+    fn extend(&mut self, pulses: &Pulses, i: usize, sense: f64) {
+        let beyond = sense * (pulses.angle(i) - self.angle);
         if beyond > 0.0 {
             *self = Extreme::at(pulses, i);
         } else if beyond == 0.0 {
@@ -67,16 +66,16 @@ impl Extreme {
     }
 }
 
-/// Pulses with which a new sweep begins: those at an extreme from which the angles go back by more than
-/// `back`, and those after a jump of more than `jump`.
-fn borders(pulses: &[Pulse], back: f64, jump: f64) -> Vec<usize> {
+/// Pulses of a line with which a new sweep begins: those at an extreme from which the angles go back by more
+/// than `back`, and those after a jump of more than `jump`.
+fn borders(pulses: &Pulses, line: &Range<usize>, back: f64, jump: f64) -> Vec<usize> {
     let mut found = Vec::new();
-    let (mut low, mut high) = (Extreme::at(pulses, 0), Extreme::at(pulses, 0));
+    let (mut low, mut high) = (Extreme::at(pulses, line.start), Extreme::at(pulses, line.start));
     // Of the sweep: 1 for rising angles, -1 for falling ones, 0 before it is known.
     let mut sense = 0.0;
-    for i in 1..pulses.len() {
-        let angle = pulses[i].angle;
-        if (angle - pulses[i - 1].angle).abs() > jump {
+    for i in line.clone().skip(1) {
+        let angle = pulses.angle(i);
+        if (angle - pulses.angle(i - 1)).abs() > jump {
             found.push(i);
             (low, high, sense) = (Extreme::at(pulses, i), Extreme::at(pulses, i), 0.0);
             continue;
@@ -100,6 +99,7 @@ fn borders(pulses: &[Pulse], back: f64, jump: f64) -> Vec<usize> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::pulses::Pulse;
     use super::*;
     use vlscan_geom::{DVec3, radians};
 

@@ -7,7 +7,8 @@
 //! scale.
 
 use super::level::right_of;
-use super::recording::{Pulse, Recording};
+use super::pulses::Pulse;
+use super::recording::Recording;
 use super::solution::Solution;
 use super::solve::ATTITUDE;
 use vlscan_geom::{DVec2, LeastSquares};
@@ -37,26 +38,29 @@ pub fn speed_deviation(recording: &Recording, solution: &Solution) -> f64 {
     let (model, duration) = (&solution.model, recording.duration().max(f64::MIN_POSITIVE));
     let rate = model.parameters.mirror.rate.abs();
     let window = (TURNS / rate).max(duration / MAX_WINDOWS);
-    let step = recording.pulses.len().div_ceil(MAX_PULSES).max(1);
-    let mut pulses: Vec<&Pulse> = recording.pulses.iter().step_by(step).collect();
-    pulses.sort_by(|a, b| a.time.total_cmp(&b.time));
-    let number = |pulse: &Pulse| (pulse.time / window).floor();
+    let pulses = &recording.pulses;
+    let step = pulses.len().div_ceil(MAX_PULSES).max(1);
+    let mut sampled: Vec<usize> = (0..pulses.len()).step_by(step).collect();
+    sampled.sort_by(|a, b| pulses.time(*a).total_cmp(&pulses.time(*b)));
+    let number = |i: usize| (pulses.time(i) / window).floor();
     let mut shown = 0.0;
-    for pulses in pulses.chunk_by(|a, b| number(a) == number(b)) {
-        let effects: Vec<Effects> = pulses.iter().filter_map(|pulse| effects_of(pulse, solution)).collect();
+    for of_window in sampled.chunk_by(|a, b| number(*a) == number(*b)) {
+        let effects = of_window.iter().filter_map(|i| effects_of(&pulses.get(*i), solution));
+        let effects: Vec<Effects> = effects.collect();
         if effects.len() < MIN_PULSES {
             continue;
         }
         let weight = (WEIGHT * window * rate / effects.len() as f64).min(1.0);
-        let time = (number(pulses[0]) + 0.5) * window - 0.5 * duration;
+        let time = (number(of_window[0]) + 0.5) * window - 0.5 * duration;
         shown += weight * time * time * squares_of_pitch(effects);
     }
     let by_points = shown / (solution.residual * solution.residual);
     // Root mean square of the times of an even recording about their mean: duration / √12.
     let trend = 12f64.sqrt() * ATTITUDE / duration;
     let by_attitudes = solution.times.len() as f64 / (trend * trend);
-    let mean = recording.pulses.iter().map(|pulse| pulse.position.z).sum::<f64>();
-    let height = model.position(0.5 * duration).z - mean / recording.pulses.len() as f64;
+    let heights = (0..pulses.len()).map(|i| pulses.position(i).z);
+    let mean = heights.sum::<f64>() / pulses.len() as f64;
+    let height = model.position(0.5 * duration).z - mean;
     height.abs() * trend * by_attitudes / (by_attitudes + by_points)
 }
 

@@ -1,10 +1,12 @@
 //! Detects recordings of a scanner that turns at a fixed position: their scan lines turn steadily.
 
 use super::phases::StraightLine;
-use super::recording::Pulse;
+use super::pulses::Pulses;
+use super::recording::Recording;
 use libm::{atan2, hypot, sqrt};
 use std::f64::consts::TAU;
 use std::ops::Range;
+use vlscan_geom::DVec3;
 
 /// Number of scan lines whose mean direction is compared with that of the next group.
 const LINES: usize = 16;
@@ -20,16 +22,17 @@ const MAX_UNEVEN: f64 = 0.1;
 
 /// Total turn of the scan lines seen from above, rad, if they turn steadily and so far that no flight
 /// explains them. A platform that flies straight draws lines or arcs whose directions stay, or recur.
-pub fn steady_turn(pulses: &[Pulse], lines: &[Range<usize>]) -> Option<f64> {
+pub fn steady_turn(recording: &Recording) -> Option<f64> {
+    let Recording { pulses, lines, .. } = recording;
     let mut groups = Vec::new();
     for lines in lines.chunks(LINES) {
         let directions: Vec<[f64; 2]> =
-            lines.iter().filter_map(|line| direction(&pulses[line.clone()])).collect();
+            lines.iter().filter_map(|line| direction(pulses, line.clone())).collect();
         let count = directions.len() as f64;
         let [x, y] = [0, 1].map(|k| directions.iter().map(|d| d[k]).sum::<f64>() / count);
         // False for NaN, where no line has a direction.
         if hypot(x, y) >= MIN_AGREEMENT {
-            groups.push((pulses[lines[0].start].time, atan2(y, x)));
+            groups.push((pulses.time(lines[0].start), atan2(y, x)));
         }
     }
     if 2 * LINES * groups.len() < lines.len() || groups.len() < 8 {
@@ -53,15 +56,16 @@ pub fn steady_turn(pulses: &[Pulse], lines: &[Range<usize>]) -> Option<f64> {
 
 /// Cosine and sine of twice the direction in which the points of a line spread, seen from above, times 1 for
 /// a straight line to 0 for points that spread alike in all directions.
-fn direction(pulses: &[Pulse]) -> Option<[f64; 2]> {
-    if pulses.len() < MIN_PULSES {
+fn direction(pulses: &Pulses, line: Range<usize>) -> Option<[f64; 2]> {
+    if line.len() < MIN_PULSES {
         return None;
     }
-    let mean = |of: fn(&Pulse) -> f64| pulses.iter().map(of).sum::<f64>() / pulses.len() as f64;
-    let (x0, y0) = (mean(|pulse| pulse.position.x), mean(|pulse| pulse.position.y));
+    let positions = || line.clone().map(|i| pulses.position(i));
+    let mean = |of: fn(DVec3) -> f64| positions().map(of).sum::<f64>() / line.len() as f64;
+    let (x0, y0) = (mean(|position| position.x), mean(|position| position.y));
     let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
-    for pulse in pulses {
-        let (x, y) = (pulse.position.x - x0, pulse.position.y - y0);
+    for position in positions() {
+        let (x, y) = (position.x - x0, position.y - y0);
         (xx, xy, yy) = (xx + x * x, xy + x * y, yy + y * y);
     }
     let size = xx + yy;
@@ -70,12 +74,12 @@ fn direction(pulses: &[Pulse]) -> Option<[f64; 2]> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::pulses::Pulse;
     use super::*;
     use libm::{cos, sin, tan};
-    use vlscan_geom::DVec3;
 
     /// Lines of 50 pulses, each in the direction and at the place that a function of its number gives.
-    fn recorded(count: usize, of_line: impl Fn(usize) -> (f64, DVec3)) -> (Vec<Pulse>, Vec<Range<usize>>) {
+    fn recorded(count: usize, of_line: impl Fn(usize) -> (f64, DVec3)) -> Recording {
         let mut pulses = Vec::new();
         for line in 0..count {
             let (direction, place) = of_line(line);
@@ -96,14 +100,14 @@ mod tests {
             }
         }
         let lines = (0..count).map(|line| 50 * line..50 * (line + 1)).collect();
-        (pulses, lines)
+        Recording { lines, ..Recording::new(pulses).unwrap() }
     }
 
     #[test]
     fn a_scanner_that_turns_on_the_spot_is_no_flight() {
         for turns in [-1.0, 0.5, 1.0, 7.0] {
-            let (pulses, lines) = recorded(2000, |line| (TAU * turns * line as f64 / 2000.0, DVec3::ZERO));
-            let turn = steady_turn(&pulses, &lines).unwrap();
+            let recording = recorded(2000, |line| (TAU * turns * line as f64 / 2000.0, DVec3::ZERO));
+            let turn = steady_turn(&recording).unwrap();
             assert!((turn / (TAU * turns).abs() - 1.0).abs() < 0.02, "{turn} for {turns}");
         }
     }
@@ -121,8 +125,8 @@ mod tests {
             &|line| 0.4 * f64::from(line as u32 % 8),
         ];
         for (number, flight) in flights.into_iter().enumerate() {
-            let (pulses, lines) = recorded(2000, |line| (flight(line), along(line)));
-            assert_eq!(steady_turn(&pulses, &lines), None, "{number}");
+            let recording = recorded(2000, |line| (flight(line), along(line)));
+            assert_eq!(steady_turn(&recording), None, "{number}");
         }
     }
 }

@@ -6,13 +6,15 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use vlscan_base::error::Result;
 use vlscan_base::files::reads::refuse_input_of;
-use vlscan_base::files::{FileGroup, free_name, refuse_unwritable};
+use vlscan_base::files::{FileGroup, FileWriter, Patched, free_name, refuse_unwritable};
 use vlscan_geom::{DVec3, degrees};
 
 /// Maximum number of pulse times: a larger file is not written.
 const MAX_TIMES: usize = 20_000_000;
 /// Maximum number of poses per second.
 const MAX_POSES_PER_S: f64 = 1000.0;
+/// Bytes of pulse times that are written together.
+const WRITTEN_BYTES: usize = 1 << 16;
 /// Time from the last pulse to the last pose, s.
 const LAST_POSE: f64 = 0.01;
 
@@ -62,6 +64,22 @@ impl FlightFiles {
     }
 }
 
+/// A file of times, s, a line each, which is written in parts.
+fn written_times(path: &Path, force: bool, times: impl Iterator<Item = f64>) -> Result<FileWriter> {
+    let mut file = FileWriter::create(path, force, Patched::Never)?;
+    let mut text = String::new();
+    for time in times {
+        // Writing to a string does not fail.
+        let _ = writeln!(text, "{time:.9}");
+        if text.len() >= WRITTEN_BYTES {
+            file.append(text.as_bytes())?;
+            text.clear();
+        }
+    }
+    file.append(text.as_bytes())?;
+    Ok(file)
+}
+
 impl FlightFit {
     /// Writes the pipeline file at `path`, and next to it the trajectory and, if the pulse rate is not
     /// constant, the times of pulses. `command` is the command line that made it. With `force`, files of an
@@ -72,15 +90,14 @@ impl FlightFit {
     /// is not set.
     pub fn write(&self, path: &Path, command: &str, force: bool) -> Result<FlightFiles> {
         // Times of a file apply to all channels, but each channel was recorded at times of its own.
-        let times = match self.has_pulse_times() {
-            true => self.rate.times(&self.solution, self.end(), MAX_TIMES),
-            false => None,
-        };
+        let times = || self.rate.times(&self.solution, self.end());
+        let has_times =
+            self.has_pulse_times() && (2..=MAX_TIMES).contains(&times().take(MAX_TIMES + 1).count());
         let files = FlightFiles {
             pipeline: path.to_path_buf(),
             trajectory: path.with_extension(TRAJECTORY),
             wander: (self.solution.model.mirror == Mirror::Cone).then(|| path.with_extension(WANDER)),
-            pulse_times: times.is_some().then(|| path.with_extension(PULSE_TIMES)),
+            pulse_times: has_times.then(|| path.with_extension(PULSE_TIMES)),
             // The recording itself is often NAME.laz.
             simulated: free_name(&path.with_extension("laz"), "simulated", |path| path.exists()),
         };
@@ -90,11 +107,8 @@ impl FlightFit {
         if let Some(path) = &files.wander {
             group.write(path, force, self.wander().as_bytes())?;
         }
-        if let (Some(path), Some(times)) = (&files.pulse_times, &times) {
-            let mut text = String::with_capacity(times.len() * 12);
-            // Writing to a string does not fail.
-            times.iter().for_each(|time| _ = writeln!(text, "{time:.9}"));
-            group.write(path, force, text.as_bytes())?;
+        if let Some(path) = &files.pulse_times {
+            group.add(written_times(path, force, times())?);
         }
         group.write(&files.pipeline, force, self.pipeline(&files, command).as_bytes())?;
         let is_old = |path: &PathBuf| force && files.all().all(|written| written != path);

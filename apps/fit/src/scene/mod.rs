@@ -34,7 +34,7 @@ pub use sensor::{PathSource, SensorPath};
 pub use terrain::Terrain;
 
 use crate::limit::PointLimit;
-use recording::{Recording, Target};
+use recording::{POINT_BYTES, Recording, Target};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use vlscan_base::Observer;
@@ -171,7 +171,7 @@ impl Stages<'_> {
 pub fn reconstruct(options: &ReconstructOptions, observer: &Observer) -> Result<ReconstructedScene> {
     let mut found = Diagnostics::default();
     let mut stages = Stages { observer, begun: Instant::now() };
-    let limit = PointLimit::new(options.max_memory);
+    let limit = PointLimit::new(options.max_memory, POINT_BYTES);
     let recording = stages.read(&options.cloud, limit, &mut found)?;
     let paths = stages.paths(&recording);
     standing::reject(&options.cloud, &recording, &paths)?;

@@ -12,6 +12,8 @@ use vlscan_formats::{
 };
 use vlscan_geom::{Aabb, DVec3, MAX_COORDINATE};
 
+/// Memory that a reconstruction takes for a point, bytes, about: its values and those of its pulse.
+pub(super) const POINT_BYTES: u64 = 160;
 /// Gap in time that ends a pass of the instrument over the place, s.
 const MIN_PASS_GAP: f64 = 20.0;
 
@@ -494,7 +496,8 @@ mod tests {
     fn a_sample_of_pulses_has_all_their_returns_and_does_not_depend_on_their_order() {
         let all = returns(1e-7);
         let read = |returns: &[Return], most: u64| {
-            let mut sink = Sink { limit: PointLimit::new(Some(160 * most)), ..Sink::default() };
+            let mut sink =
+                Sink { limit: PointLimit::new(Some(POINT_BYTES * most), POINT_BYTES), ..Sink::default() };
             returns.iter().for_each(|r| sink.add(*r));
             (assemble(sink.returns, true).unwrap().0, sink.thinning.one_of(), sink.is_too_large)
         };
@@ -514,7 +517,8 @@ mod tests {
         assert!(read(&all, 0).2, "no memory");
         // Returns that share a time are chosen by their positions.
         let timeless: Vec<Return> = all.iter().map(|r| Return { time: 0.0, ..*r }).collect();
-        let mut sink = Sink { limit: PointLimit::new(Some(160 * 1000)), ..Sink::default() };
+        let mut sink =
+            Sink { limit: PointLimit::new(Some(POINT_BYTES * 1000), POINT_BYTES), ..Sink::default() };
         timeless.iter().for_each(|r| sink.add(*r));
         assert!((600..900).contains(&sink.returns.len()), "{}", sink.returns.len());
     }

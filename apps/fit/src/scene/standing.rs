@@ -2,7 +2,7 @@
 
 use super::recording::{Line, Recording};
 use super::sensor::{PathSource, SensorPath};
-use crate::flight::{self, Pulse, steady_turn};
+use crate::flight::{self, Pulse, Pulses, steady_turn};
 use std::path::Path;
 use vlscan_base::error::{Error, Result};
 use vlscan_geom::{degrees, radians};
@@ -61,10 +61,9 @@ fn turning_lines(recording: &Recording, line: &Line) -> Option<String> {
             channel: 0,
         }
     };
-    let mut pulses: Vec<Pulse> = line.pulses.clone().map(pulse).collect();
-    pulses.sort_by(|a, b| a.time.total_cmp(&b.time));
-    let recorded = flight::Recording::new(pulses)?;
-    let turn = steady_turn(&recorded.pulses, &recorded.lines)?;
+    // The pulses of a line are in the order of time.
+    let pulses: Pulses = line.pulses.clone().map(pulse).collect();
+    let turn = steady_turn(&flight::Recording::of_pulses(pulses)?)?;
     Some(format!(
         "the scan lines of line {} turn steadily by {:.0}°, as those of a scanner on a tripod do: the \
          instrument was not in the air",

@@ -14,7 +14,8 @@ use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::Result;
 use vlscan_base::quantity::counted;
 use vlscan_formats::{
-    Attribute, AttributeSet, FileFacts, NewPart, PointPart, PointRow, PointSink, Selection, StrayFinder,
+    Attribute, AttributeSet, FileFacts, LasFacts, NewPart, PointPart, PointRow, PointSink, PositionSteps,
+    Selection, StrayFinder,
 };
 use vlscan_geom::{Aabb, DVec3, MAX_COORDINATE};
 
@@ -31,8 +32,8 @@ pub struct Points {
     attributes: AttributeSet,
     /// The attributes that are kept of those of a file; `None` for all.
     kept: Option<AttributeSet>,
-    /// Scale and offset of the positions in a file of LAS.
-    steps: Option<(DVec3, DVec3)>,
+    /// Steps of the positions in a file of LAS.
+    steps: Option<PositionSteps>,
     /// Memory that the points may take, bytes; `None` for any.
     max_bytes: Option<u64>,
     positions: Positions,
@@ -347,13 +348,13 @@ impl PointSink for Points {
         let is_kept = |attribute| attributes.has(attribute) && kept.is_none_or(|kept| kept.has(attribute));
         let points = Points::within(AttributeSet::of(is_kept), max_bytes);
         let held = points.positions.max_held();
-        let in_steps = |(scale, offset)| Positions::in_steps(scale, offset, held);
+        let in_steps = |steps| Positions::in_steps(steps, held);
         let positions = steps.map_or_else(|| Positions::in_metres(held), in_steps);
         *self = Points { kept, steps, positions, ..points };
     }
 
     fn file(&mut self, facts: &FileFacts) {
-        self.steps = facts.las.as_ref().map(|las| (las.scale, las.offset));
+        self.steps = facts.las.as_ref().map(LasFacts::steps);
     }
 
     fn crs(&mut self, wkt: &str) {

@@ -1,13 +1,14 @@
 //! Positions: 12 bytes each if the file has them in steps, 24 bytes of others.
 
 use super::column::{Column, HeldValues};
+use vlscan_formats::PositionSteps;
 use vlscan_geom::DVec3;
 
 /// Positions, each with the same bits as it was added.
 #[derive(Clone, Debug)]
 pub(super) enum Positions {
-    /// Numbers of steps of a scale from an offset, as LAS has them, m.
-    Steps { scale: DVec3, offset: DVec3, steps: Column<[i32; 3]> },
+    /// Numbers of steps, as LAS has them.
+    Steps { of: PositionSteps, steps: Column<[i32; 3]> },
     /// Metres.
     Metres(Column<[f64; 3]>),
 }
@@ -18,19 +19,19 @@ impl Positions {
         Positions::Metres(Column::new(max_held))
     }
 
-    /// No positions yet, which will probably be in steps of a scale from an offset.
-    pub fn in_steps(scale: DVec3, offset: DVec3, max_held: HeldValues) -> Positions {
-        Positions::Steps { scale, offset, steps: Column::new(max_held) }
+    /// No positions yet, which will probably be in these steps.
+    pub fn in_steps(of: PositionSteps, max_held: HeldValues) -> Positions {
+        Positions::Steps { of, steps: Column::new(max_held) }
     }
 
     /// Adds a position. The first one that is in no step ends the storage in steps.
     pub fn push(&mut self, position: DVec3) {
-        if let Positions::Steps { scale, offset, steps } = self {
-            if let Some(step) = step_of(position, *scale, *offset) {
+        if let Positions::Steps { of, steps } = self {
+            if let Some(step) = of.steps(position) {
                 return steps.push(step);
             }
             let mut all = Column::new(steps.max_held());
-            steps.iter().for_each(|step| all.push(position_of(step, *scale, *offset).to_array()));
+            steps.iter().for_each(|step| all.push(of.position(step).to_array()));
             *self = Positions::Metres(all);
         }
         if let Positions::Metres(all) = self {
@@ -41,9 +42,8 @@ impl Positions {
     /// Adds positions.
     pub fn extend(&mut self, positions: &[DVec3]) {
         let mut rest = positions;
-        if let Positions::Steps { scale, offset, steps } = self {
-            let (scale, offset) = (*scale, *offset);
-            let in_steps = rest.iter().map(|p| step_of(*p, scale, offset)).take_while(Option::is_some);
+        if let Positions::Steps { of, steps } = self {
+            let in_steps = rest.iter().map(|p| of.steps(*p)).take_while(Option::is_some);
             let before = steps.len();
             steps.extend(in_steps.flatten());
             rest = &rest[steps.len() - before..];
@@ -58,7 +58,7 @@ impl Positions {
     /// The position of an index below their number.
     pub fn get(&self, index: usize) -> DVec3 {
         match self {
-            Positions::Steps { scale, offset, steps } => position_of(steps.at(index), *scale, *offset),
+            Positions::Steps { of, steps } => of.position(steps.at(index)),
             Positions::Metres(all) => all.at(index).into(),
         }
     }
@@ -82,9 +82,7 @@ impl Positions {
     /// All positions in their order.
     pub fn iter(&self) -> impl Iterator<Item = DVec3> + Clone + '_ {
         let (in_steps, in_metres) = match self {
-            Positions::Steps { scale, offset, steps } => {
-                (Some(steps.iter().map(|step| position_of(step, *scale, *offset))), None)
-            }
+            Positions::Steps { of, steps } => (Some(steps.iter().map(move |step| of.position(step))), None),
             Positions::Metres(all) => (None, Some(all.iter().map(DVec3::from))),
         };
         in_steps.into_iter().flatten().chain(in_metres.into_iter().flatten())
@@ -115,35 +113,24 @@ impl Positions {
     }
 }
 
-/// The step of a position; `None` of a position between steps.
-fn step_of(position: DVec3, scale: DVec3, offset: DVec3) -> Option<[i32; 3]> {
-    // The conversion saturates, which the comparison finds.
-    let step = ((position - offset) / scale).to_array().map(|steps| steps.round() as i32);
-    has_same_bits(position_of(step, scale, offset), position).then_some(step)
-}
-
-/// The position as readers of LAS compute it.
-fn position_of(step: [i32; 3], scale: DVec3, offset: DVec3) -> DVec3 {
-    DVec3::from(step.map(f64::from)) * scale + offset
-}
-
-fn has_same_bits(a: DVec3, b: DVec3) -> bool {
-    a.to_array().map(f64::to_bits) == b.to_array().map(f64::to_bits)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    fn has_same_bits(a: DVec3, b: DVec3) -> bool {
+        a.to_array().map(f64::to_bits) == b.to_array().map(f64::to_bits)
+    }
+
     #[test]
     fn positions_keep_their_bits_in_steps_and_beside_them() {
         let (scale, offset) = (DVec3::new(0.001, 0.001, 0.01), DVec3::new(431_000.0, 5_412_000.0, -0.5));
+        let of = PositionSteps { scale, offset, metres: DVec3::ONE };
         let in_steps: Vec<DVec3> = (0..1000_i32)
-            .map(|i| position_of([i * 7919, -i * 104_729, i], scale, offset))
-            .chain([position_of([i32::MAX, i32::MIN, 0], scale, offset)])
+            .map(|i| of.position([i * 7919, -i * 104_729, i]))
+            .chain([of.position([i32::MAX, i32::MIN, 0])])
             .collect();
         let others = [DVec3::new(431_000.000_5, 0.0, 0.0), DVec3::new(1e9, 1e9, 1e9), DVec3::NAN];
-        let mut positions = Positions::in_steps(scale, offset, HeldValues::at_most(300));
+        let mut positions = Positions::in_steps(of, HeldValues::at_most(300));
         in_steps.iter().for_each(|p| positions.push(*p));
         assert!(matches!(positions, Positions::Steps { .. }));
         let same = |positions: &Positions, expected: &[DVec3]| {

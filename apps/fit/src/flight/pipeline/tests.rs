@@ -170,7 +170,8 @@ fn a_speed_that_the_points_do_not_show_is_uncertain_with_the_reason() {
 fn recorded_scan_angles_that_are_narrower_than_those_of_a_polygon_mirror_are_a_comment() {
     let angles = |mirror: Mirror, degrees: f64| {
         let mut fit = fitted(mirror, |_| {});
-        fit.recording.pulses.iter_mut().for_each(|pulse| pulse.angle = radians(degrees));
+        let turned = |pulse: Pulse| Pulse { angle: radians(degrees), ..pulse };
+        fit.recording.pulses = fit.recording.pulses.iter().map(turned).collect();
         let (text, read) = text_of(&fit);
         assert!(read["settings"].get("scan_angle_deg").is_none(), "{text}");
         text.contains(&format!("\n# scan_angle_deg = {:.1}\n", degrees.abs()))

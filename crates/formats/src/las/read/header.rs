@@ -1,6 +1,7 @@
 //! The header of LAS files and their variable length records.
 
 use super::error::LasError;
+use crate::PositionSteps;
 use las::point::Format;
 use las::raw;
 use std::io::Cursor;
@@ -46,10 +47,19 @@ pub struct LasFacts {
     pub scale: DVec3,
     /// Coordinates of step 0, in the unit of the file.
     pub offset: DVec3,
+    /// Metres in a unit of x, y and z.
+    pub metres: DVec3,
     /// The system that made the points, as the file names it.
     pub system: String,
     /// The program that wrote the file, as the file names it.
     pub software: String,
+}
+
+impl LasFacts {
+    /// Steps of the positions.
+    pub fn steps(&self) -> PositionSteps {
+        PositionSteps { scale: self.scale, offset: self.offset, metres: self.metres }
+    }
 }
 
 /// Little-endian numbers in the bytes of a file.
@@ -161,7 +171,8 @@ impl Header {
         Ok(found)
     }
 
-    pub(super) fn facts(&self, is_copc: bool) -> LasFacts {
+    /// Statements about all points, whose units are this many metres.
+    pub(super) fn facts(&self, is_copc: bool, metres: DVec3) -> LasFacts {
         let text = |bytes: &[u8]| {
             let bytes = bytes.split(|b| *b == 0).next().unwrap_or_default();
             String::from_utf8_lossy(bytes).trim().to_owned()
@@ -174,6 +185,7 @@ impl Header {
             has_adjusted_times: self.raw.global_encoding & 1 != 0,
             scale: self.scale(),
             offset: self.offset(),
+            metres,
             system: text(&self.raw.system_identifier),
             software: text(&self.raw.generating_software),
         }

@@ -171,7 +171,8 @@ pub(crate) fn read(bytes: &[u8], reading: &mut Reading) -> Result<(), LasError> 
     units.warnings.iter().for_each(|warning| reading.warn(warning.as_str()));
     reader.check_count(reading);
     let is_copc = reader.variable_record("copc", 1)?.is_some();
-    let las = Some(reader.header.facts(is_copc));
+    let metres = units.metres.unwrap_or(DVec3::ONE);
+    let las = Some(reader.header.facts(is_copc, metres));
     reading.sink.file(&FileFacts { format: CloudFormat::Las, las });
     reading.sink.start(rows.attributes());
     // Positions that are converted to metres are not in the file's system any more.
@@ -188,7 +189,7 @@ pub(crate) fn read(bytes: &[u8], reading: &mut Reading) -> Result<(), LasError> 
     if reading.sink.takes_columns() {
         reading.pass_object_names(object_names(&reader)?);
     }
-    rows.metres = units.metres.unwrap_or(DVec3::ONE);
+    rows.metres = metres;
     // The first position decides whether degrees can be read, before any point is passed on.
     let passed = match units.is_angle {
         true => Passed::default(),
