@@ -392,6 +392,6 @@ fn the_contents_of_a_raster_that_does_not_fit_are_refused() {
     let output = output.expect("bash");
     let messages = text(&output.stderr);
     assert_eq!(output.status.code(), Some(2), "{messages}");
-    assert!(messages.contains("the rasters of the scene need about 3.6"), "{messages}");
+    assert!(messages.contains("the rasters of the scene need about 3.29 GB"), "{messages}");
     assert!(started.elapsed().as_secs() < 5, "{:?}", started.elapsed());
 }

@@ -19,9 +19,9 @@ const NOWHERE: i64 = i64::MIN;
 /// Triangles whose material has a texture that they cannot show.
 #[derive(Debug, Default)]
 pub(super) struct Untextured {
-    /// Those with texture coordinates that do not exist or are no numbers.
+    /// Triangles with texture coordinates that do not exist or are no numbers.
     pub wrong: Occurrences,
-    /// Other ones without texture coordinates.
+    /// Others without texture coordinates.
     pub missing: Occurrences,
 }
 
