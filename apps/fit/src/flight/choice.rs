@@ -111,8 +111,8 @@ pub fn best_solution(recording: &Recording) -> Result<Solution, NoSolution> {
         choice.solved(recording, choice.candidates.first())
     };
     match first {
-        // The circle of a cone may explain some sections of an ellipse, but not all. A circle of 90° looks like
-        // the fan of a mirror, but its scanner would be tilted by 90°.
+        // The circle of a cone may explain some sections of an ellipse, but not all. A circle of 90° looks
+        // like the fan of a mirror, but its scanner would be tilted by 90°.
         Some(candidate) => choice
             .solved(recording, first)
             .or_else(|failed| solved_ellipse().map_err(|_| failed))
