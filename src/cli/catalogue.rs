@@ -2,6 +2,7 @@
 
 use super::Console;
 use super::args::{CatalogueArgs, CatalogueCommand, ShowArgs};
+use super::coverage::has_extension;
 use serde::Serialize;
 use vlscan_base::aligned::{Side, aligned};
 use vlscan_base::diag::nearest;
@@ -72,6 +73,10 @@ fn show(args: &ShowArgs, console: &Console) -> Result<()> {
     console.warnings(&warnings)?;
     let row = ScannerFigures::of(&args.name, &found)?;
     if let Some(path) = &args.picture {
+        if !has_extension(path, &["svg"]) {
+            let shown = path.display();
+            return Err(Error::input(format!("--picture {shown}: expected a name that ends in .svg")));
+        }
         refuse_unwritable(path, args.force)?;
         let picture = Pattern::of(&found)?.drawing(&found).file(Theme::Light);
         write_file(path, args.force, picture.as_bytes())?;

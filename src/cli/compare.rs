@@ -1,6 +1,7 @@
 //! `vlscan compare`: what two point clouds of one place have in common, and what not.
 
 use super::args::CompareArgs;
+use super::coverage::has_extension;
 use super::preview::read_cloud;
 use super::watch::during;
 use super::{Console, messages};
@@ -63,6 +64,16 @@ fn check(args: &CompareArgs) -> Result<()> {
         reads::refuse_input_of(path, [&args.first, &args.second])?;
         if outputs[..i].contains(path) {
             return Err(Error::input(format!("{}: two outputs have the same name", path.display())));
+        }
+    }
+    for (option, path, endings) in
+        [("page", &args.page, ["html", "htm"]), ("change", &args.change, ["tif", "tiff"])]
+    {
+        if let Some(path) = path
+            && !has_extension(path, &endings)
+        {
+            let (shown, ending) = (path.display(), endings[0]);
+            return Err(Error::input(format!("--{option} {shown}: expected a name that ends in .{ending}")));
         }
     }
     if let Some(path) = &args.changed

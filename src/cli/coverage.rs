@@ -117,7 +117,8 @@ fn is_raster(path: &Path) -> bool {
     has_extension(path, &["tif", "tiff"])
 }
 
-fn has_extension(path: &Path, endings: &[&str]) -> bool {
+/// True if the name of a file has one of these extensions, which are in lower case.
+pub fn has_extension(path: &Path, endings: &[&str]) -> bool {
     let ending = path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
     endings.contains(&&*ending)
 }

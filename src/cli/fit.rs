@@ -13,8 +13,10 @@ use vlscan_fit::flight::{FlightFiles, FlightRequest, fit_flight, json, table};
 use vlscan_fit::spinning::{Half, SpinningFiles, SpinningRequest, fit_spinning};
 use vlscan_fit::still::{StillFiles, StillPattern};
 use vlscan_geom::DVec3;
+use vlscan_options::outputs::check_content;
 
 pub fn run(args: &FitArgs, console: &Console) -> Result<()> {
+    check_content("-o", &args.out, "TOML")?;
     if let Some(calibration) = &args.calibration {
         return run_spinning(args, calibration, console);
     }

@@ -236,6 +236,26 @@ fn outputs_without_a_folder_are_errors_before_the_work() {
 }
 
 #[test]
+fn names_of_other_formats_are_errors_before_the_work() {
+    let dir = folder();
+    succeed(dir.path(), &["run", &room(), "-q", "-o", "a.laz"]);
+    let compare = ["compare", "a.laz", "a.laz"];
+    let plan = ["plan", "terrestrial", "--scanner", "riegl_vz400", "--ground", "0", "--at", "0,0"];
+    let commands: &[(&[&str], &[&str], &str)] = &[
+        (&compare, &["--change", "b.png"], "--change b.png: expected a name that ends in .tif"),
+        (&compare, &["--page", "b.pdf"], "--page b.pdf: expected a name that ends in .html"),
+        (&["catalogue", "show", "vlp16"], &["--picture", "b.png"], "expected a name that ends in .svg"),
+        (&["fit", "a.laz"], &["-o", "b.laz"], "-o b.laz: the file is TOML, not laz"),
+        (&plan, &["-o", "b.laz"], "-o b.laz: the file is TOML, not laz"),
+        (&plan, &["-o", "b.csv", "--lines", "./b.csv"], "./b.csv: two outputs have the same name"),
+    ];
+    for (command, outputs, expected) in commands {
+        refused(dir.path(), &[*command, *outputs].concat(), expected);
+        assert_eq!(names(dir.path()), ["a.laz"]);
+    }
+}
+
+#[test]
 fn a_coordinate_system_that_is_lost_is_told() {
     let dir = folder();
     fs::write(dir.path().join("mine.wkt"), "LOCAL_CS[\"mine\"]").unwrap();

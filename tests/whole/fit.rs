@@ -229,6 +229,33 @@ fn straight_parts_of_a_flight_with_turns_are_flight_lines() {
 }
 
 #[test]
+fn a_level_fan_whose_height_changes_is_not_taken_for_a_cone() {
+    let dir = folder();
+    succeed(dir.path(), &["scene", "make", "terrain", "-n", "50k", "--pulses", "1k", "-o", "hills", "-q"]);
+    // Without any roll, a cone of 90° with a tilted axis explains these points as well as a polygon mirror.
+    let row = |i: i32| {
+        let time = 20.0 + 0.2 * f64::from(i);
+        let (y, z) = (40.0 - 8.0 * (time - 20.0), 60.0 + 0.3 * (time / 9.0).sin());
+        format!("{time:.2},0,{y:.4},{z:.4},0,{:.4},180\n", 0.6 * (0.4 * time).cos())
+    };
+    let rows: String = (0..=50).map(row).collect();
+    fs::write(dir.path().join("way.csv"), format!("time,x,y,z,roll,pitch,heading\n{rows}")).unwrap();
+    let flown = "scene = \"hills/scene.xml\"\nseed = 3\n[trajectory]\npath = \"way.csv\"\n\
+         [platform]\ncatalogue = \"data/platforms.xml#copter_linearpath\"\n\
+         [scanner]\ncatalogue = \"data/scanners_als.xml#riegl_vux-1uav\"\n\
+         [settings]\npulse_freq_hz = 10000\nscan_freq_hz = 10\nscan_angle_deg = 40\n\
+         [[output]]\npath = \"line.laz\"\n";
+    fs::write(dir.path().join("flown.toml"), flown).unwrap();
+    succeed(dir.path(), &["run", "flown.toml", "-q"]);
+    let found = figures(dir.path(), &["fit", "line.laz", "-o", "fit.toml", "--json"]);
+    // The speed at the ends of the line is 0.04 m/s larger, because the model has no changes of the climb.
+    for (name, expected, within) in [("speed", 8.0, 0.02), ("course", 180.0, 0.1), ("lines", 10.0, 0.001)] {
+        let value = found[name].as_f64().unwrap();
+        assert!((value - expected).abs() < within, "{name} is {value}");
+    }
+}
+
+#[test]
 fn two_channels_of_one_mirror_are_found() {
     let dir = folder();
     succeed(dir.path(), &["scene", "make", "terrain", "-n", "20k", "--pulses", "1k", "-o", "hills", "-q"]);

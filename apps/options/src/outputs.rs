@@ -169,7 +169,10 @@ pub fn check_companion(option: &str, path: &Path, content: &str) -> Result<()> {
 }
 
 /// Refuses the name of a file of points, unless it may be text, for a file with other content.
-fn check_content(option: &str, path: &Path, content: &str) -> Result<()> {
+///
+/// # Errors
+/// [`Error::Input`].
+pub fn check_content(option: &str, path: &Path, content: &str) -> Result<()> {
     match PointFormat::of_file(path) {
         Some(Ok(format)) if !matches!(format, PointFormat::Csv | PointFormat::Xyz) => {
             let (shown, format) = (path.display(), format.name());

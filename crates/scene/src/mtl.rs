@@ -147,8 +147,15 @@ fn report_value(
     expected: ExpectedValue,
     problems: &mut Problems,
 ) {
-    let found = values.first().map_or("nothing".to_owned(), |(w, _)| format!("\"{}\"", shown(w)));
-    let marked = values.first().map_or(at, |(_, at)| at.clone());
+    // Any component of a colour may be the wrong one.
+    let used = if matches!(keyword, b"Kd" | b"Ks") { 3 } else { 1 };
+    let used = &values[..used.min(values.len())];
+    let (found, marked) = match (used.first(), used.last()) {
+        (Some((_, first)), Some((_, last))) => {
+            (format!("\"{}\"", shown(&line.text[first.start..last.end])), first.start..last.end)
+        }
+        _ => ("nothing".to_owned(), at),
+    };
     let marked = line.start + marked.start..line.start + marked.end;
     if matches!(values.first(), Some((b"spectral" | b"xyz", _))) {
         let message = "colours by spectral curves or CIE XYZ are not read; the line is ignored";
@@ -342,6 +349,15 @@ mod tests {
         assert_eq!((m[0].kd, m[0].ns, m[3].kd), ([0.0; 3], 10.0, [1.0; 3]));
         let place = d.items()[2].place.as_ref().unwrap();
         assert_eq!((place.line, &place.excerpt[place.marked.clone()]), (5, "much"));
+    }
+
+    #[test]
+    fn all_components_of_a_wrong_colour_are_quoted() {
+        let (_, d) = read_text(b"newmtl a\nKd 0.2 -1 0 # note\n");
+        let [reported] = d.items() else { panic!("{}", d.text()) };
+        assert!(reported.message.contains("found \"0.2 -1 0\""), "{}", reported.message);
+        let place = reported.place.as_ref().unwrap();
+        assert_eq!(&place.excerpt[place.marked.clone()], "0.2 -1 0");
     }
 
     #[test]

@@ -324,7 +324,10 @@ fn built_in(context: &Context, kind: &str, id: &str, place: Option<Place>) -> Op
         context.error_help(place, message, format!("write one of them in full: {}", all.join(" or ")));
         return None;
     }
+    let other = if kind == "platform" { "scanner" } else { "platform" };
+    let is_other = built_in_ids(context, other).iter().any(|(_, own)| own == id);
     let help = match nearest(id, ids.iter().map(|(_, own)| own.as_str())) {
+        _ if is_other => format!("`{id}` is a {other}; `vlscan catalogue` lists scanners and platforms"),
         Some(near) => format!("did you mean `{near}`?"),
         None if kind == "platform" => {
             let all: Vec<&str> = ids.iter().map(|(_, own)| own.as_str()).collect();

@@ -9,10 +9,11 @@ use std::time::Instant;
 use vlscan_base::Observer;
 use vlscan_base::diag::{Diagnostics, Notice};
 use vlscan_base::error::{Error, Result};
-use vlscan_base::files::refuse_unwritable;
+use vlscan_base::files::{identity, refuse_unwritable};
 use vlscan_base::quantity::number;
 use vlscan_geom::DVec3;
 use vlscan_lidar::pulse::PhysicsProfile;
+use vlscan_options::outputs::check_content;
 use vlscan_options::{InputOptions, Options, ProfileOptions, ResolvedRun};
 use vlscan_session::output::OutputRequest;
 use vlscan_session::{CoverageMap, DryRunReport, LoadedScene, Progress, RunContext, Session, Settings};
@@ -34,12 +35,14 @@ const MARGIN: f64 = 1000.0;
 /// Checks that the files of a plan can be written.
 ///
 /// # Errors
-/// [`Error::Input`] for files that exist, two of one name, missing folders, and lines in no known format.
+/// [`Error::Input`] for files that exist, two of one name, missing folders, names of point files, and lines
+/// in no known format.
 pub fn check_files(setup: &PlanSetup) -> Result<()> {
     let mut all: Vec<&Path> = setup.file().into_iter().collect();
+    all.iter().try_for_each(|path| check_content("-o", path, "TOML"))?;
     for path in &setup.lines {
         LineFormat::of(path)?;
-        if all.contains(&path.as_path()) {
+        if all.iter().any(|other| identity(other) == identity(path)) {
             return Err(Error::input(format!("{}: two outputs have the same name", path.display())));
         }
         all.push(path);

@@ -111,8 +111,12 @@ pub fn best_solution(recording: &Recording) -> Result<Solution, NoSolution> {
         choice.solved(recording, choice.candidates.first())
     };
     match first {
-        // The circle of a cone may explain some sections of an ellipse, but not all.
-        Some(_) => choice.solved(recording, first).or_else(|failed| solved_ellipse().map_err(|_| failed)),
+        // The circle of a cone may explain some sections of an ellipse, but not all. A circle of 90° looks
+        // like the fan of a mirror, but its scanner would be tilted by 90°.
+        Some(candidate) => choice
+            .solved(recording, first)
+            .or_else(|failed| solved_ellipse().map_err(|_| failed))
+            .or_else(|failed| choice.solved_otherwise(recording, &candidate.model).ok_or(failed)),
         None => solved_ellipse().or_else(|_| choice.solved(recording, best)),
     }
 }
@@ -170,6 +174,18 @@ impl Choice {
             }
             is_first
         })
+    }
+
+    /// The solution by all sections of the best candidate with another kind of mirror than `failed` that
+    /// explains some sections.
+    fn solved_otherwise(&self, recording: &Recording, failed: &Model) -> Option<Solution> {
+        let mut candidates = self.candidates.iter();
+        let other = candidates.find(|other| {
+            kind(&other.model) != kind(failed)
+                && misfit(other, recording).is_none()
+                && !misses_successive_sections(recording, &other.model)
+        });
+        self.solved(recording, Some(other?)).ok()
     }
 
     /// The solution of a candidate by all sections.

@@ -80,7 +80,10 @@ impl FlightFit {
     fn add_platform(&self, figures: &mut Figures) {
         let solution = &self.solution;
         let (p, d) = (&solution.model.parameters, &solution.deviations);
-        let (speed, of_speed) = (solution.model.speed(), hypot(d.velocity.x, d.velocity.y));
+        // The acceleration also takes up what the model lacks, such as changes of the climb: the speed in the
+        // middle does not depend on it.
+        let speed = solution.model.horizontal_velocity(0.5 * self.recording.duration()).length();
+        let of_speed = hypot(d.velocity.x, d.velocity.y);
         figures.add("speed", speed, Some(hypot(of_speed, self.speed_by_pitch)), "m/s");
         let course = degrees(solution.model.course()).rem_euclid(360.0);
         figures.add("course", course, Some(degrees(of_speed / speed)), "deg");

@@ -57,6 +57,8 @@ pub(super) struct Fields<'c> {
     origin: Origin<'c>,
     known: Vec<&'static str>,
     known_children: Vec<&'static str>,
+    /// Names and meanings of all keys of a table of a pipeline file, also of those that were not read.
+    documented: &'static [(&'static str, &'static str)],
 }
 
 #[derive(Clone, Debug)]
@@ -116,7 +118,7 @@ impl<'c> Fields<'c> {
     }
 
     fn of(context: &'c Context, reading: Reading, origin: Origin<'c>) -> Fields<'c> {
-        Fields { context, reading, origin, known: Vec::new(), known_children: Vec::new() }
+        Fields { context, reading, origin, known: Vec::new(), known_children: Vec::new(), documented: &[] }
     }
 
     /// True if these are keys of a pipeline file.
@@ -308,9 +310,11 @@ impl<'c> Fields<'c> {
             Origin::Table(source, table, _) => {
                 // A table that several devices read has its keys several times.
                 let mut seen = HashSet::new();
-                let known: Vec<&str> = known.iter().copied().filter(|name| seen.insert(*name)).collect();
+                let documented = self.documented.iter().map(|(name, _)| *name);
+                let names = known.iter().copied().chain(documented);
+                let names: Vec<&str> = names.filter(|name| seen.insert(*name)).collect();
                 for key in table.keys().filter(|key| !known.contains(&key.get_ref().as_ref())) {
-                    source.report_unknown(key, &known, &mut self.context.problems.borrow_mut());
+                    source.report_unknown(key, &names, &mut self.context.problems.borrow_mut());
                 }
             }
         }

@@ -347,7 +347,7 @@ impl<'c> Fields<'c> {
         let Origin::Table(source, ..) = self.origin else { return self.element_child(key) };
         self.known.push(key.key);
         let value = self.entry(key.key)?;
-        let child = self.table(source, value);
+        let child = self.table(source, value, about);
         if child.is_none() {
             self.refuse(key, &words::table(about));
         }
@@ -363,15 +363,21 @@ impl<'c> Fields<'c> {
             self.refuse(key, "a list in brackets");
             return Vec::new();
         };
-        let tables: Option<Vec<Fields>> = items.iter().map(|item| self.table(source, item)).collect();
+        let tables: Option<Vec<Fields>> = items.iter().map(|item| self.table(source, item, about)).collect();
         if tables.is_none() {
             self.refuse(key, &format!("a list, each {}", words::table(about)));
         }
         tables.unwrap_or_default()
     }
 
-    fn table(&self, source: &'c Source, value: &'c Spanned<DeValue<'c>>) -> Option<Fields<'c>> {
+    fn table(
+        &self,
+        source: &'c Source,
+        value: &'c Spanned<DeValue<'c>>,
+        about: &KeyTable,
+    ) -> Option<Fields<'c>> {
         let table = value.get_ref().as_table()?;
-        Some(Fields::of_table(self.context, source, table, value.span()))
+        let fields = Fields::of_table(self.context, source, table, value.span());
+        Some(Fields { documented: about.keys, ..fields })
     }
 }

@@ -257,3 +257,44 @@ fn rotation_groups() {
     assert!((mount("") - DVec3::new(-0.8660254, 0.0, -0.5)).length() < 1e-6);
     assert!((mount("rotations='local'") - DVec3::new(-1.0, 0.0, 0.0)).length() < 1e-6);
 }
+
+/// The report of a pipeline with these lines at its end, after a leg.
+fn refused_pipeline(lines: &str) -> String {
+    let text = format!(
+        "scene = \"a.obj\"\n[platform]\nkind = \"linear_path\"\n[[leg]]\nposition_m = [0, 0, 0]\nactive = false\n{lines}\n"
+    );
+    let folder = Folder::new(&[("p.toml", &text), ("a.obj", "")]);
+    refused(read_pipeline(&folder.path("p.toml")))
+}
+
+#[test]
+fn every_key_of_a_table_is_suggested_for_a_misspelt_one() {
+    let catalogue = "[scanner]\ncatalogue = \"data/scanners_tls.xml#vlp16\"\n";
+    let described = "[scanner]\noptics = \"conic\"\npulse_freqs_hz = [5]\nscan_angle_max_deg = 30\n";
+    for (scanner, misspelt, meant) in [
+        (catalogue, "pulse_freq", "pulse_freqs_hz"),
+        (catalogue, "elevation_deg", "elevations_deg"),
+        (catalogue, "corretions", "corrections"),
+        (catalogue, "firin_times", "firing_times"),
+        (catalogue, "threshol_photons", "threshold_photons"),
+        (described, "cataloge", "catalogue"),
+    ] {
+        let report = refused_pipeline(&format!("{scanner}{misspelt} = 1"));
+        contains(&report, &[&format!("unknown key `{misspelt}`"), &format!("did you mean `{meant}`?")]);
+    }
+}
+
+#[test]
+fn keys_of_another_table_name_it() {
+    let scanner = "[scanner]\ncatalogue = \"data/scanners_tls.xml#vlp16\"\n";
+    for (lines, help) in [
+        (format!("{scanner}head_rate_deg_per_s = 3600"), "`head_rate_deg_per_s` is a key of [settings]"),
+        (
+            format!("{scanner}pulse_freq_hz = 5"),
+            "`pulse_freq_hz` is a key of [settings]; did you mean `pulse_freqs_hz` here?",
+        ),
+        (format!("{scanner}[settings]\nspeed_m_per_s = 5"), "`speed_m_per_s` is a key of [[leg]]"),
+    ] {
+        contains(&refused_pipeline(&lines), &[help]);
+    }
+}

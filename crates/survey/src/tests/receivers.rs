@@ -107,6 +107,7 @@ fn scanners_and_platforms_that_ship_have_ids() {
         ("catalogue:mine.xml#vlp16", "has no file `mine.xml`"),
         ("catalogue:data/scanners_als.xml#vlp16", "no <scanner> with the id `vlp16`"),
         ("catalogue:nosuch", "no scanner with the id `nosuch`"),
+        ("catalogue:tripod", "`tripod` is a platform"),
         ("catalogue:", "no scanner with the id ``"),
     ] {
         let said = report(&shipped(name, "").unwrap_err());

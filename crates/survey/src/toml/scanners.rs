@@ -1,13 +1,14 @@
 //! `[[scanner]]` tables: a file with several scanners is read once for each, with that scanner's table in the
 //! place of all of them.
 
-use super::super::keys::{Key, PlatformKeys, RigKeys, SurveyKeys};
+use super::super::keys::{InstrumentKeys, Key, PlatformKeys, RigKeys, SurveyKeys};
 use super::source::Tables;
 use serde::Deserialize;
 use std::ops::Range;
 use std::path::PathBuf;
 use toml::Spanned;
 use toml::de::{DeString, DeTable, DeValue, ValueDeserializer};
+use vlscan_base::diag::nearest;
 
 const K: RigKeys = RigKeys::KEYS;
 const TOP: SurveyKeys = SurveyKeys::KEYS;
@@ -52,6 +53,14 @@ impl<'t> Tables<'t> {
         let DeValue::Table(own) = entry.get_mut() else { return chosen };
         let has_name = own.contains_key(K.name.key);
         let [mount, settings, output] = [K.mount, K.settings, K.output].map(|key| own.remove_entry(key.key));
+        // The reader of the instrument does not know these keys, so it cannot suggest them.
+        let known = InstrumentKeys::TABLE.keys.iter().chain(RigKeys::TABLE.keys);
+        let known: Vec<&str> = known.map(|(name, _)| *name).collect();
+        for misspelt in misspelt_keys(own, &known) {
+            if let Some((key, _)) = own.remove_entry(misspelt.as_str()) {
+                self.source.report_unknown(&key, &known, &mut self.problems);
+            }
+        }
         if let Some(name) = self.checked_name(&names, index, has_name, &at) {
             chosen.name = name;
         }
@@ -208,4 +217,14 @@ impl<'t> Tables<'t> {
         );
         self.problems.error(Some(self.source.place(span)), message);
     }
+}
+
+/// The unknown keys of a `[[scanner]]` table that are nearest to a key that only these tables have. `known`
+/// are the names of all their keys.
+fn misspelt_keys(table: &DeTable<'_>, known: &[&str]) -> Vec<String> {
+    let of_rig = [K.mount, K.settings, K.output].map(|key| key.key);
+    let is_misspelt = |key: &&str| {
+        !known.contains(key) && nearest(key, known.iter().copied()).is_some_and(|near| of_rig.contains(&near))
+    };
+    table.keys().map(|key| &**key.get_ref()).filter(is_misspelt).map(str::to_owned).collect()
 }

@@ -2,6 +2,7 @@
 
 use super::super::assets::{Assets, SPELLING_HELP, slashes, spelling_message};
 use super::super::context::ReadOptions;
+use super::super::keys::{KeyTable, SURVEY_TABLES};
 use super::super::text::{decode, line_of_bytes};
 use super::words::{self, Wording};
 use serde::Deserialize;
@@ -28,6 +29,14 @@ pub struct Source {
 const MAX_FILE_BYTES: u64 = 1 << 24;
 /// Maximum number of reported problems of one file.
 const MAX_PROBLEMS: usize = 200;
+
+/// The tables with headers that have a key of this name, such as `[settings]`; `None` if there are none.
+fn tables_with(key: &str) -> Option<String> {
+    let has_key = |table: &&KeyTable| table.keys.iter().any(|(name, _)| *name == key);
+    let tables = SURVEY_TABLES.iter().filter(|table| table.name.starts_with('[')).filter(has_key);
+    let names: Vec<&str> = tables.map(|table| table.name).collect();
+    (!names.is_empty()).then(|| names.join(" and "))
+}
 
 impl Source {
     /// Reads a file.
@@ -131,9 +140,14 @@ impl Source {
 
     /// Records a key that is not in `known`.
     pub(crate) fn report_unknown(&self, key: &Spanned<DeString>, known: &[&str], problems: &mut Diagnostics) {
-        let help = match nearest(key.get_ref(), known.iter().copied()) {
-            Some(near) => format!("did you mean `{near}`?"),
-            None => {
+        let near = nearest(key.get_ref(), known.iter().copied());
+        let help = match (tables_with(key.get_ref()), near) {
+            (Some(tables), Some(near)) => {
+                format!("`{}` is a key of {tables}; did you mean `{near}` here?", key.get_ref())
+            }
+            (Some(tables), None) => format!("`{}` is a key of {tables}", key.get_ref()),
+            (None, Some(near)) => format!("did you mean `{near}`?"),
+            (None, None) => {
                 // Some keys are those of XML alone.
                 let known: Vec<&str> = known.iter().copied().filter(|key| !key.is_empty()).collect();
                 format!("the keys here are {}", known.join(", "))
