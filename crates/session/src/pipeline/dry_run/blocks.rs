@@ -19,7 +19,7 @@ const MAX_BLOCK_STEPS: f64 = 262_144.0;
 /// Steps between looks at a requested stop.
 const STEPS_PER_LOOK: u64 = 1 << 16;
 /// Speed from which a head spins all the time, rad/s.
-const MIN_SPIN: f64 = 2.0 * TAU;
+pub const MIN_SPIN: f64 = 2.0 * TAU;
 /// Duration of a block of a pattern that does not repeat, s.
 const UNEVEN_S: f64 = 0.05;
 

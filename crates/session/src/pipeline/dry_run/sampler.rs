@@ -6,7 +6,7 @@ use super::super::pass::Pass;
 use super::super::session::Session;
 use super::super::worker::{FlightWorker, Pieces};
 use super::beams::{Beam, ITSELF, Surroundings, is_of_surface, offsets, thin};
-use super::blocks::{BlockChunk, Blocks, Stride, period_s};
+use super::blocks::{BlockChunk, Blocks, MIN_SPIN, Stride, period_s};
 use super::cells::{CoverageCells, too_many_cells};
 use super::sweeps::{Sweep, assign, fill, gaps, split_echoes, take};
 use super::timeline::Timeline;
@@ -29,7 +29,8 @@ const REFINED: f64 = 0.5;
 /// Maximum number of pulses of a scan line of which one is measured where beams turn steadily. Neighbouring
 /// lines add more information than all pulses of one line.
 const MAX_STEADY: f64 = 16.0;
-/// [`MAX_STEADY`] of lines that take longer than [`LONG_S`], s: the platform moves on by metres.
+/// [`MAX_STEADY`] of mirrors whose lines take longer than [`LONG_S`], s. The turns of spinning heads may be
+/// farther apart, because their channels lie side by side, but objects between measured beams are missed.
 const MAX_STEADY_LONG: f64 = 32.0;
 const LONG_S: f64 = 0.04;
 /// Minimum number of measured pulses of a scan line where beams turn steadily.
@@ -192,9 +193,16 @@ impl<'a> Sampler<'a> {
             (None, true) => max_steady(survey),
             (None, false) => MAX_UNSTEADY,
         };
-        let pulses = ratio.ceil().min(most);
-        Stride { periods: (ratio / pulses).ceil() as u64, pulses: pulses as u32 }
+        stride_for(ratio, most)
     }
+}
+
+/// The shares that measure one pulse in `ratio`, at least 1, with at most one in `most` of a period. Periods
+/// are rounded: with one more than needed, scan lines would be farther apart and the sample smaller.
+fn stride_for(ratio: f64, most: f64) -> Stride {
+    let periods = (ratio / most).round().max(1.0);
+    let pulses = (ratio / periods).ceil().min(most).max(1.0);
+    Stride { periods: periods as u64, pulses: pulses as u32 }
 }
 
 /// The box of a scene's ground if at most crowns and roofs reach beyond it, otherwise that of the scene.
@@ -225,7 +233,9 @@ fn max_steady(survey: &Survey) -> f64 {
     let active = survey.legs.iter().filter(|leg| leg.scanner.active);
     let limit = active.map(|leg| {
         let period = period_s(survey, leg.number);
-        let most = if period > LONG_S { MAX_STEADY_LONG } else { MAX_STEADY };
+        let max_rate = survey.scanner.devices.first().map_or(0.0, |device| device.head.max_rate);
+        let spins = leg.scanner.head_rate.abs().min(max_rate) >= MIN_SPIN;
+        let most = if period > LONG_S && !spins { MAX_STEADY_LONG } else { MAX_STEADY };
         let per_line = period * leg.scanner.pulse_rate() / MIN_PER_LINE;
         if per_line > 0.0 { most.min(per_line) } else { most }
     });
@@ -241,4 +251,24 @@ fn strips_of(survey: &Survey) -> Vec<u32> {
         None => leg.number,
     })
     .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_sample_has_about_the_size_of_its_budget() {
+        for (ratio, most, periods, pulses) in [
+            (1.0, 16.0, 1, 1),
+            (7.2, 16.0, 1, 8),
+            (20.0, 16.0, 1, 16),
+            (129.7, 32.0, 4, 32),
+            (144.5, 16.0, 9, 16),
+            (80.0, 32.0, 3, 27),
+            (12.4, 1.0, 12, 1),
+        ] {
+            assert_eq!(stride_for(ratio, most), Stride { periods, pulses }, "one in {ratio}");
+        }
+    }
 }
