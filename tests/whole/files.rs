@@ -114,7 +114,11 @@ fn one_file_has_one_output_and_no_source_is_replaced() {
     let dir = folder();
     let same = "two outputs would be written to";
     refused(dir.path(), &["run", &room(), "-o", "x.las", "-o", "./x.las", "--force"], same);
-    refused(dir.path(), &["run", &room(), "-o", "x.las", "--schedule-log", "./x.las"], "the file is JSON, not las");
+    refused(
+        dir.path(),
+        &["run", &room(), "-o", "x.las", "--schedule-log", "./x.las"],
+        "the file is JSON, not las",
+    );
     fs::write(dir.path().join("log.json"), "old").unwrap();
     refused(dir.path(), &["run", &room(), "-o", "x.las", "--schedule-log", "log.json"], "exists already");
     succeed(dir.path(), &["run", &room(), "-q", "-o", "x.las", "--schedule-log", "log.json", "--force"]);
