@@ -101,7 +101,7 @@ def test_a_survey_in_memory_may_be_xml():
 
 
 def test_legs_of_xml_name_trajectories_in_memory(tmp_path):
-    rows = np.array([[0, -20, 0, 60, 0, 0, 90], [2, 0, 0, 60, 0, 0, 90], [4, 20, 0, 60, 0, 0, 90]], float)
+    rows = np.array([[0, -20, 0, 300, 0, 0, 90], [2, 0, 0, 300, 0, 0, 90], [4, 20, 0, 300, 0, 0, 90]], float)
     names = ["time", "x", "y", "z", "roll", "pitch", "yaw"]
     (tmp_path / "flight.csv").write_text("\n".join([",".join(names), *(",".join(map(repr, row)) for row in rows.tolist())]))
     (tmp_path / "ground.obj").write_text("v -99 -99 0\nv 99 -99 0\nv 0 99 0\nf 1 2 3\n")
