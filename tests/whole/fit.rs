@@ -118,7 +118,9 @@ fn a_written_flight_never_names_the_recording_or_another_file_as_its_output() {
     assert!(dir.path().join("line.simulated-2.laz").exists());
     // The recording is not replaced even where it is asked for.
     let out = run(dir.path(), &["fit", "line.laz", "-o", "line.laz", "--force"]);
-    assert!(out.status.code() == Some(2) && text(&out.stderr).contains("is read"), "{}", text(&out.stderr));
+    let said = text(&out.stderr);
+    assert!(out.status.code() == Some(2) && said.contains("the file is TOML, not laz"), "{said}");
+    assert!(fs::read(dir.path().join("line.laz")).unwrap() == recording);
 }
 
 #[test]
