@@ -19,8 +19,10 @@ const MIN_PULSES: usize = 20;
 const MIN_SHARE: f64 = 0.05;
 /// Number of pulses that one task compares.
 const PART_PULSES: usize = 1 << 14;
-/// Number of parts after which the memory of their points is released.
+/// Number of such tasks after which the memory of their points is released.
 const PARTS_IN_MEMORY: usize = 64;
+/// Number of parts of which the places are compared, after which the memory of their points is released.
+const CLOCK_PARTS_IN_MEMORY: usize = 8;
 /// Maximum distance of the centres of both clouds, as a fraction of the spread of their pulses.
 const MAX_DISTANCE: f64 = 0.25;
 
@@ -61,8 +63,13 @@ pub(super) fn check_clocks([first, second]: [&Pulses; 2]) -> Result<(), ClockErr
         let (other_centre, other_spread) = centre_of(other.iter().map(|i| second.place(*i as usize)));
         Some((distance(centre, other_centre), spread.max(other_spread)))
     };
-    let mut distances: Vec<(f64, f64)> = by_time.par_chunks(size).filter_map(of_part).collect();
-    [first, second].into_iter().for_each(Pulses::release);
+    let release = || [first, second].into_iter().for_each(Pulses::release);
+    release();
+    let mut distances: Vec<(f64, f64)> = Vec::new();
+    for parts in by_time.chunks(size * CLOCK_PARTS_IN_MEMORY) {
+        distances.par_extend(parts.par_chunks(size).filter_map(of_part));
+        release();
+    }
     let ratio = |(distance, spread): &(f64, f64)| distance / spread.max(f64::MIN_POSITIVE);
     distances.sort_unstable_by(|a, b| ratio(a).total_cmp(&ratio(b)));
     match distances.get(distances.len() / 2) {

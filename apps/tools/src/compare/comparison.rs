@@ -135,6 +135,7 @@ pub fn compare(
     }
     tell("distances, canopy, voxels", "measuring distances");
     let area = occupied_cells(&setting.grid, cuts) as f64 * options.cell * options.cell;
+    cuts.iter().for_each(|cut| cut.points.release());
     let [first_cloud, second_cloud] =
         [(0, first), (1, second)].map(|(index, cloud)| described(&setting, index, cloud, area));
     setting.free();
@@ -219,6 +220,8 @@ fn described(setting: &Setting, index: usize, (name, points): (&str, &Points), a
     let cut = setting.cuts[index];
     let count = cut.len() as f64 * cut.weight;
     let of_pulses = |found: &Pulses| [found.count(), if found.has_lines { found.lines.len() } else { 0 }];
+    let intensity_median = cut.median_intensity();
+    cut.points.release();
     Cloud {
         name: name.to_owned(),
         points: points.total(),
@@ -226,7 +229,7 @@ fn described(setting: &Setting, index: usize, (name, points): (&str, &Points), a
         max: points.bounds().max.to_array(),
         points_in_box: count,
         density_per_m2: count / area,
-        intensity_median: cut.median_intensity(),
+        intensity_median,
         pulses_and_lines: setting.pulses[index].as_ref().ok().map(of_pulses),
     }
 }
