@@ -476,7 +476,6 @@ fn warnings_about_files_have_a_place() {
         "crates/formats/src/columnar/",
         "crates/formats/src/las/write/",
         "apps/campaign/src/planning/",
-        "apps/options/src/file.rs",
         "src/cli/run.rs",
         "crates/session/src/output/",
         "crates/session/src/pipeline/crs.rs",

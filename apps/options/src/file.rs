@@ -263,8 +263,10 @@ fn warn_of_unused_trajectories(options: &Options, survey: &Survey, warnings: &mu
     };
     for (name, _) in &options.named_trajectories {
         if !files.iter().any(|file| file.content.is_some() && file.path == Path::new(name)) {
-            let message = format!("the trajectory `{name}` in memory is not used: no leg names it");
-            warnings.warn(None, message).help(format!("give legs the attribute trajectory=\"{name}\""));
+            let message = "the trajectory in memory is not used: no leg names it";
+            warnings
+                .warn(Some(Place::of_file(Path::new(name))), message)
+                .help(format!("give legs the attribute trajectory=\"{name}\""));
         }
     }
 }

@@ -1,6 +1,6 @@
 //! First guesses of cones, by the circles that they draw on the ground.
 
-use super::level::{Track, level, mean_height, right_of, sampled_pulses};
+use super::level::{Track, level, line_on_ground, mean_height, right_of, sampled_pulses};
 use super::mirror::{Mirror, MirrorParameters};
 use super::model::Model;
 use super::parameters::{Channel, Parameters};
@@ -10,7 +10,7 @@ use super::recording::Recording;
 use libm::{atan, atan2, sqrt, tan};
 use std::f64::consts::TAU;
 use std::ops::Range;
-use vlscan_geom::{DVec2, DVec3, LeastSquares, median};
+use vlscan_geom::{DVec2, LeastSquares, median};
 
 /// Minimum number of pulses of a line whose phases give a rate.
 const MIN_PHASES: usize = 30;
@@ -101,11 +101,7 @@ impl Arc {
     fn of(recording: &Recording, line: &Range<usize>) -> Arc {
         let pulses = &recording.pulses;
         let first = pulses.time(line.start);
-        let along = |coordinate: fn(DVec3) -> f64| {
-            let point = |i: usize| (pulses.time(i) - first, coordinate(pulses.position(i)));
-            StraightLine::through_points(line.clone().map(point))
-        };
-        let (x, y) = (along(|position| position.x), along(|position| position.y));
+        let [x, y] = line_on_ground(pulses, line);
         let middle = 0.5 * (pulses.time(line.end - 1) - first);
         Arc {
             time: first + middle,
@@ -159,7 +155,7 @@ fn cone(recording: &Recording, circle: &Circle) -> Option<Model> {
 mod tests {
     use super::super::model::Attitude;
     use super::*;
-    use vlscan_geom::radians;
+    use vlscan_geom::{DVec3, radians};
 
     /// Half a second of a cone of 20 degrees from 1000 m over flat ground.
     fn recorded(rate: f64) -> Recording {

@@ -1,10 +1,11 @@
 //! Straight flights, and the height of their platform by scan angles or by returns.
 
 use super::phases::StraightLine;
-use super::pulses::Pulse;
+use super::pulses::{Pulse, Pulses};
 use super::recording::Recording;
 use super::solution::MIN_DEPTH;
 use libm::tan;
+use std::ops::Range;
 use vlscan_geom::{DVec2, DVec3};
 
 /// Maximum number of pulses used for a guess.
@@ -62,6 +63,17 @@ pub fn sampled_pulses(recording: &Recording) -> Vec<usize> {
     let long = || recording.lines.iter().filter(|line| line.len() >= MIN_LINE_PULSES);
     let count: usize = long().map(|line| line.len()).sum();
     long().flat_map(|line| line.clone()).step_by(count.div_ceil(GUESS_PULSES).max(1)).collect()
+}
+
+/// Straight lines of x and y, m, over the time after its first pulse, s, that a line of pulses draws on the
+/// ground.
+pub fn line_on_ground(pulses: &Pulses, line: &Range<usize>) -> [StraightLine; 2] {
+    let first = pulses.time(line.start);
+    let along = |coordinate: fn(DVec3) -> f64| {
+        let point = |i: usize| (pulses.time(i) - first, coordinate(pulses.position(i)));
+        StraightLine::through_points(line.clone().map(point))
+    };
+    [along(|position| position.x), along(|position| position.y)]
 }
 
 /// Mean height of the points of these pulses, m.

@@ -1,7 +1,7 @@
 //! First guess of lines across the flight, of one channel or of several whose lines have different
 //! directions.
 
-use super::level::{Track, level, sampled_pulses};
+use super::level::{Track, level, line_on_ground, sampled_pulses};
 use super::mirror::{Mirror, MirrorParameters};
 use super::model::{MAX_CHANNELS, Model};
 use super::parameters::{Channel, Parameters};
@@ -11,7 +11,7 @@ use super::recording::Recording;
 use libm::{atan2, cos, sin, tan};
 use std::f64::consts::{PI, TAU};
 use std::ops::Range;
-use vlscan_geom::{DVec2, DVec3, LeastSquares, median};
+use vlscan_geom::{DVec2, LeastSquares, median};
 
 /// Minimum number of pulses of a line whose direction is used.
 pub const MIN_PULSES: usize = 12;
@@ -107,13 +107,7 @@ fn middle(recording: &Recording, line: &Range<usize>) -> Pulse {
 
 /// Direction in which the beam moves on the ground along a line.
 fn direction(recording: &Recording, line: &Range<usize>) -> Direction {
-    let pulses = &recording.pulses;
-    let first = pulses.time(line.start);
-    let along = |coordinate: fn(DVec3) -> f64| {
-        let point = |i: usize| (pulses.time(i) - first, coordinate(pulses.position(i)));
-        StraightLine::through_points(line.clone().map(point))
-    };
-    let (x, y) = (along(|position| position.x), along(|position| position.y));
+    let [x, y] = line_on_ground(&recording.pulses, line);
     Direction { axis: atan2(y.slope, x.slope), file_channel: middle(recording, line).file_channel }
 }
 
@@ -330,7 +324,7 @@ fn axis(recording: &Recording, is_of_channel: impl Fn(&Pulse) -> bool) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use vlscan_geom::radians;
+    use vlscan_geom::{DVec3, radians};
 
     /// Pulses at 1000 m over flat ground with lines of `turned` rad from across a flight to the north at 50
     /// m/s: 100 lines a second, each of 40 degrees, from left to right or every second one back.

@@ -12,7 +12,7 @@ use serde::Serialize;
 const ERROR_RATIO: f64 = 1.06;
 
 /// Maximum number of values of each cloud that count. The fraction of the values below one is that of so many
-/// within 0.05 %, two standard deviations by chance.
+/// within 0.07 %, two standard deviations by chance where half as many remain.
 pub(super) const MAX_VALUES: usize = 1 << 22;
 
 /// At most `most` of some values, evenly chosen: all, every second, every fourth, and so on.

@@ -17,25 +17,42 @@ impl Points {
         if is_thinned || self.has(Attribute::Object) {
             part.positions.iter().zip(&part.values).for_each(|(p, values)| self.keep(*p, values, None));
         } else {
-            self.keep_all(part);
+            self.added += part.positions.len() as u64;
+            self.keep_columns(&part.positions, &part.values);
         }
     }
 
-    /// Keeps all points of a block that have no objects, as [`Points::keep`] keeps each: column by column,
-    /// which is faster.
-    fn keep_all(&mut self, part: &PointsPart) {
-        let values = || part.values.iter();
-        self.added += part.positions.len() as u64;
-        if self.kept.is_none() && values().any(|value| value.colour.is_some()) {
-            let before = self.positions.len();
-            for (number, colour) in (before..).zip(values().map(|value| value.colour)) {
-                let Some(colour) = colour else { continue };
-                self.max_colour = colour.into_iter().fold(self.max_colour, u16::max);
+    /// Keeps a point, unless only some of the points are kept.
+    pub(super) fn keep(&mut self, position: DVec3, point: &KeptValues, object: Option<&str>) {
+        if self.positions.len() >= self.max_points {
+            self.drop_every_second();
+        }
+        self.added += 1;
+        if !(self.added - 1).is_multiple_of(self.stride) {
+            // Every point counts: most of a cloud may be dark.
+            self.count_colour(point);
+            return;
+        }
+        if self.has(Attribute::Object) {
+            let mut number = itoa::Buffer::new();
+            let number = self.object_number(object.unwrap_or_else(|| number.format(point.object)));
+            self.object.push(number);
+        }
+        self.keep_columns(&[position], std::slice::from_ref(point));
+    }
+
+    /// Keeps points without their objects, column by column, which is faster than point by point.
+    fn keep_columns(&mut self, positions: &[DVec3], points: &[KeptValues]) {
+        let values = || points.iter();
+        if self.kept.is_none() {
+            for (number, point) in (self.positions.len()..).zip(values()) {
+                let Some(colour) = self.count_colour(point) else { continue };
+                // Points of other scans may have none.
                 self.colour.fill(number, [0; 3]);
                 self.colour.push(colour);
             }
         }
-        self.positions.extend(&part.positions);
+        self.positions.extend(positions);
         if self.has(Attribute::Intensity) {
             self.intensity.extend(values().map(|value| value.intensity));
         }
@@ -59,62 +76,17 @@ impl Points {
             self.high_channels += values().filter(|value| value.channel > 255).count() as u64;
             self.channel.extend(values().map(|value| value.channel.min(255) as u8));
         }
-        if let (true, Some(first)) = (self.has(Attribute::Time), part.values.first()) {
+        if let (true, Some(first)) = (self.has(Attribute::Time), points.first()) {
             let first = *self.first_time.get_or_insert(first.time);
             self.time.extend(values().map(|value| value.time - first));
         }
     }
 
-    /// Keeps a point, unless only some of the points are kept.
-    pub(super) fn keep(&mut self, position: DVec3, point: &KeptValues, object: Option<&str>) {
-        if self.positions.len() >= self.max_points {
-            self.drop_every_second();
-        }
-        self.added += 1;
-        let colour = point.colour.filter(|_| self.kept.is_none());
-        // Every point counts: most of a cloud may be dark.
-        self.max_colour = colour.into_iter().flatten().fold(self.max_colour, u16::max);
-        if !(self.added - 1).is_multiple_of(self.stride) {
-            return;
-        }
-        self.positions.push(position);
-        if self.has(Attribute::Intensity) {
-            self.intensity.push(point.intensity);
-        }
-        if self.has(Attribute::Class) {
-            self.class.push(point.class);
-        }
-        if self.has(Attribute::ReturnNumber) {
-            self.return_number.push(point.return_number);
-        }
-        if self.has(Attribute::NumberOfReturns) {
-            self.number_of_returns.push(point.number_of_returns);
-        }
-        if self.has(Attribute::ScanAngle) {
-            self.scan_angle.push(point.scan_angle);
-        }
-        if self.has(Attribute::Object) {
-            let mut number = itoa::Buffer::new();
-            let number = self.object_number(object.unwrap_or_else(|| number.format(point.object)));
-            self.object.push(number);
-        }
-        if self.has(Attribute::Leg) {
-            self.high_legs += u64::from(point.leg > 255);
-            self.leg.push(point.leg);
-        }
-        if self.has(Attribute::Channel) {
-            self.high_channels += u64::from(point.channel > 255);
-            self.channel.push(point.channel.min(255) as u8);
-        }
-        if let Some(colour) = colour {
-            // Points of other scans may have none.
-            self.colour.fill(self.positions.len() - 1, [0; 3]);
-            self.colour.push(colour);
-        }
-        if self.has(Attribute::Time) {
-            let first = *self.first_time.get_or_insert(point.time);
-            self.time.push(point.time - first);
-        }
+    /// The colour of a point if colours are kept, whose greatest component counts.
+    fn count_colour(&mut self, point: &KeptValues) -> Option<[u16; 3]> {
+        let colour = point.colour.filter(|_| self.kept.is_none())?;
+        self.max_colour = colour.into_iter().fold(self.max_colour, u16::max);
+        Some(colour)
     }
 
     fn drop_every_second(&mut self) {
