@@ -43,7 +43,7 @@
 //! | one scene for many runs | [`LoadedScene`], over which sessions are opened |
 //! | a scan pattern of your own | [`survey::ScanPattern`] |
 //! | pulses of your own | [`PulseReader`] and [`Session::trace`] |
-//! | a scene to send rays through | [`LoadedScene::cast`]; [`scene::load`], [`trace::Tree`] |
+//! | a scene to send rays through | [`LoadedScene::cast`], [`RayCaster`]; [`scene::load`], [`trace::Tree`] |
 //!
 //! An [`OutputRequest`] describes the outputs: [files](Target) in any [`PointFormat`], [tables](TableRequest)
 //! in memory, [columns](Column), waveforms, tiles. Problems of the input are [`Error::Input`] with
@@ -153,7 +153,7 @@ pub use vlscan_session::shards::{Records, ShardSet, shard_path};
 pub use vlscan_session::streams::{PulseReader, RowBlock};
 pub use vlscan_session::{
     Batches, CoverageBand, CoverageMap, DryRunReport, Emission, Emitted, Estimate, FileEstimate,
-    FlightCoverage, FlightRows, LegEstimate, LegRule, LoadedScene, Missed, Progress, RayHit, Report,
+    FlightCoverage, FlightRows, LegEstimate, LegRule, LoadedScene, Missed, Progress, RayCaster, RayHit, Report,
     ResumeOptions, RunContext, Scan, SceneFacts, SceneGeometry, Session, Settings, Snapshot, TimeEstimate,
     emit, flight_table, merge, merge_warnings,
 };

@@ -1,7 +1,7 @@
 //! Scenes of files and of arrays. A scene and its tree are loaded once and shared by all runs that need the
 //! same ones.
 
-use crate::cast::{columns_of_hits, vectors};
+use crate::cast::{cast, vectors};
 use crate::changes::Changes;
 use crate::errors::{Notices, exception};
 use crate::options::values;
@@ -9,6 +9,7 @@ use crate::table::{Column, Table};
 use crate::watch::{Interruption, interruptible, watched};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
+use pyo3::pybacked::PyBackedBytes;
 use pyo3::types::{PyBytes, PyDict, PyList};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -440,19 +441,18 @@ impl Scene {
     fn cast(
         &self,
         py: Python<'_>,
-        origins: &[u8],
-        directions: &[u8],
+        origins: PyBackedBytes,
+        directions: PyBackedBytes,
     ) -> PyResult<Option<(Column, Column, Column, Column)>> {
         let Some(loaded) = self.lock().clone() else { return Ok(None) };
-        let (origins, directions) = (vectors(origins), vectors(directions));
         let notices = Notices::default();
         let own_notices = notices.clone();
-        let cast = interruptible(py, move |_| {
+        let hits = interruptible(py, move |_| {
             let notify = |notice: vlscan::Notice| own_notices.add(notice);
-            loaded.cast(&origins, &directions, &notify).map(|hits| columns_of_hits(&hits))
+            cast(&loaded, (&origins, &directions), &notify)
         })?;
         notices.issue(py)?;
-        let found = cast.map_err(|error| exception(py, error))?;
+        let found = hits.map_err(|error| exception(py, error))?;
         let [distance, part, primitive, normal] = found.map(Column::new);
         Ok(Some((distance, part, primitive, normal)))
     }

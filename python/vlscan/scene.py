@@ -312,7 +312,7 @@ class Scene:
         """
         starts, ways = rays_of(origins, directions)
         self._facts()
-        found = _present(self._scene.cast(starts.astype("<f8").tobytes(), ways.astype("<f8").tobytes()))
+        found = _present(self._scene.cast(*(rays.astype("<f8", copy=False).tobytes() for rays in (starts, ways))))
         distance, part, primitive, normal = (np.asarray(column) for column in found)
         return RayHits(distance, part, primitive, normal.reshape(-1, 3))
 

@@ -12,6 +12,7 @@
 //! | file | contents |
 //! |---|---|
 //! | `scene`, `geometry` | a loaded scene with its tree; facts about it, points on it; its primitives |
+//! | `cast` | rays without an instrument |
 //! | `settings` | everything that is chosen before the start |
 //! | `session`, `run` | a scene and its survey; the loop over epochs, the report |
 //! | `scan`, `batches` | scans of a scene with an instrument, without files; points as record batches during the run |
@@ -35,6 +36,7 @@
 
 mod batches;
 mod beam_counts;
+mod cast;
 mod chunk;
 mod collector;
 mod crs;
@@ -65,6 +67,7 @@ mod stream;
 mod worker;
 
 pub use batches::Batches;
+pub use cast::{RayCaster, RayHit};
 pub use dry_run::{
     CoverageBand, CoverageMap, DryRunReport, Estimate, FileEstimate, FlightCoverage, LegEstimate, Missed,
     TimeEstimate,
@@ -81,7 +84,7 @@ pub use progress::{Progress, Snapshot};
 pub use resume::ResumeOptions;
 pub use run::Report;
 pub use scan::Scan;
-pub use scene::{LoadedScene, RayHit, SceneFacts};
+pub use scene::{LoadedScene, SceneFacts};
 pub use segment::{join_segments, merge_segment};
 pub use session::Session;
 pub use settings::{DEFAULT_CHUNK_SIZE, DEFAULT_WAREHOUSE_FACTOR, MAX_LATENCY_S, Settings};

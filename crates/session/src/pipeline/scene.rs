@@ -3,7 +3,6 @@
 use super::load::{build_tree, check_raster_memory, load_scene};
 use super::settings::{Settings, check_jobs};
 use ::arrow_array::{Float64Array, Int32Array, RecordBatch};
-use rayon::prelude::*;
 use std::fmt;
 use std::sync::{Arc, OnceLock};
 use vlscan_base::diag::Notice;
@@ -14,10 +13,7 @@ use vlscan_base::rng::{Purpose, Stream};
 use vlscan_geom::{Aabb, DVec3};
 use vlscan_scene::{Conditions, Fallback, GroundModel, LoadOptions, Scene, SceneFrame, Sharing};
 use vlscan_survey::SceneRecipe;
-use vlscan_trace::{BuildOptions, Hit, TraceScratch, Tree};
-
-/// Rays that a thread traces at a time.
-const CAST_RAYS: usize = 16_384;
+use vlscan_trace::{BuildOptions, Tree};
 
 /// A scene in memory, with its tree once the tree is needed. Clones share both, and so do all sessions over
 /// it: a scene that many surveys measure is loaded once.
@@ -299,83 +295,6 @@ impl LoadedScene {
             ("ObjectId", Arc::new(Int32Array::from(parts))),
         ];
         RecordBatch::try_from_iter(columns).map_err(|e| Error::Internal(format!("Arrow: {e}")))
-    }
-}
-
-/// First surface that a ray hits.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct RayHit {
-    /// Distance from the origin of the ray, m.
-    pub distance: f64,
-    /// Index of the part among [`SceneFacts::parts`].
-    pub part: u32,
-    /// Number of the primitive, in the order of the parts; cubes follow the triangles.
-    pub primitive: u32,
-    /// Unit normal of the surface, towards the origin of the ray.
-    pub normal: DVec3,
-}
-
-impl LoadedScene {
-    /// First hits of rays without an instrument, on all threads: origins in the world frame, m, directions of
-    /// any length. Rays that are not finite and those without a direction hit nothing. If there are more
-    /// origins than directions, or fewer, the rest is left out.
-    ///
-    /// # Errors
-    /// [`Error::Input`] for scenes with moving parts or with parts that are not in memory; as for
-    /// [`LoadedScene::tree`].
-    pub fn cast(
-        &self,
-        origins: &[DVec3],
-        directions: &[DVec3],
-        notify: &dyn Fn(Notice),
-    ) -> Result<Vec<Option<RayHit>>> {
-        let scene = self.scene();
-        if scene.tiles.is_some() {
-            return Err(Error::input(
-                "rays need the scene in memory: leave out --scene-memory, also where it was packed",
-            ));
-        }
-        if let Some(moving) = scene.moving_parts.first() {
-            let id = scene.parts.get(moving.part as usize).map_or("", |part| part.id.as_str());
-            return Err(Error::input(format!("rays need a scene at rest, but part {id} moves")));
-        }
-        let tree = self.tree(notify)?;
-        let pieces = origins.par_chunks(CAST_RAYS).zip(directions.par_chunks(CAST_RAYS));
-        let found = pieces.map_init(TraceScratch::default, |scratch, (origins, directions)| {
-            let origins: Vec<DVec3> = origins.iter().map(|origin| scene.to_local(*origin)).collect();
-            let directions: Vec<DVec3> = directions.iter().map(|way| way.normalize_or_zero()).collect();
-            let hits = tree.trace_rays(&scene.geometry, &origins, &directions, scratch);
-            let rays = origins.iter().zip(&directions).zip(hits);
-            let found = rays.map(|((origin, way), hit)| hit.map(|hit| ray_hit(scene, (*origin, *way), hit)));
-            found.collect::<Vec<_>>()
-        });
-        let found: Vec<Vec<Option<RayHit>>> = found.collect();
-        Ok(found.concat())
-    }
-}
-
-/// Converts the hit of a ray in the scene frame.
-fn ray_hit(scene: &Scene, (origin, direction): (DVec3, DVec3), hit: Hit) -> RayHit {
-    let normal = match scene.triangle(hit.primitive) {
-        Some([a, b, c]) => (b - a).cross(c - a).normalize_or_zero(),
-        None => {
-            let centre = scene.geometry.cube_of(hit.primitive).map_or(DVec3::ZERO, |cube| cube.centre);
-            let offset = origin + direction * hit.t - centre;
-            let size = offset.abs();
-            if size.x >= size.y && size.x >= size.z {
-                DVec3::X
-            } else if size.y >= size.z {
-                DVec3::Y
-            } else {
-                DVec3::Z
-            }
-        }
-    };
-    RayHit {
-        distance: hit.t,
-        part: scene.part_of(hit.primitive),
-        primitive: scene.number_when_stored(hit.primitive),
-        normal: if normal.dot(direction) > 0.0 { -normal } else { normal },
     }
 }
 
