@@ -8,7 +8,8 @@ use super::PointRow;
 use vlscan_base::diag::{Problem, ProblemKind, listed};
 use vlscan_geom::{DVec3, degrees};
 use vlscan_tables::{
-    Dimension, ParsedHeading, Quantity, is_usually_unused, parse_heading, plain, split_suffix, split_unit,
+    Dimension, ParsedHeading, Quantity, did_you_mean, is_usually_unused, parse_heading, plain, similar_name,
+    split_suffix, split_unit,
 };
 
 macro_rules! attributes {
@@ -211,13 +212,24 @@ pub enum PositionsError {
         found: String,
     },
     /// Some coordinates have no column.
-    #[error("no column {} with numbers; there are {found}", .missing.join(" and "))]
+    #[error(
+        "no column {} with numbers; there are {found}{}",
+        .missing.join(" and "),
+        clause(.question.as_deref())
+    )]
     Missing {
         /// The coordinates without a column: x, y, z.
         missing: Vec<&'static str>,
         /// The names.
         found: String,
+        /// The question whether some of them are misspelt.
+        question: Option<String>,
     },
+}
+
+/// A question at the end of a message.
+fn clause(question: Option<&str>) -> String {
+    question.map_or(String::new(), |question| format!("; {question}"))
 }
 
 impl Problem for PositionsError {
@@ -282,7 +294,8 @@ impl Columns {
         if names.iter().any(are_degrees) {
             return Err(PositionsError::Geographic { found });
         }
-        Err(PositionsError::Missing { missing, found })
+        let question = columns.question(&named);
+        Err(PositionsError::Missing { missing, found, question })
     }
 
     /// Remarks about the names of a file: names that occur twice or mean the same, units that are not known,
@@ -338,11 +351,19 @@ impl Columns {
         if !unknown.is_empty() {
             let columns = if unknown.len() == 1 { "column" } else { "columns" };
             remarks.push(format!(
-                "{columns} with no known meaning, not read: {}",
-                listed(&unknown, MAX_LISTED_NAMES)
+                "{columns} with no known meaning, not read: {}{}",
+                listed(&unknown, MAX_LISTED_NAMES),
+                clause(self.question(&unknown).as_deref())
             ));
         }
         remarks
+    }
+
+    /// The question whether unknown names mean attributes without a column.
+    fn question(&self, unknown: &[&str]) -> Option<String> {
+        let open = Attribute::ALL.into_iter().filter(|attribute| !self.has(*attribute));
+        let names: Vec<&str> = open.flat_map(|attribute| attribute.quantity().names()).collect();
+        did_you_mean(unknown, |name| similar_name(&plain(name), names.iter().copied()))
     }
 
     /// The names of the columns that are not read, or only counted.
