@@ -302,27 +302,7 @@ impl Columns {
     /// and names that are neither read nor known.
     pub fn remarks(&self, names: &[&str]) -> Vec<String> {
         let plain: Vec<String> = names.iter().copied().map(name_of).collect();
-        let mut remarks = Vec::new();
-        for (attribute, chosen) in self.used() {
-            let is_alike = |column: &usize| {
-                let (name, own) = (plain[*column].as_str(), plain[chosen].as_str());
-                // A single letter is the name of a coordinate only if there is no better one.
-                let may_differ = name.len() == 1
-                    || COMMON_PAIRS.iter().any(|pair| pair.contains(&name) && pair.contains(&own));
-                name == own || (!may_differ && attribute.has_name(name))
-            };
-            if let Some(other) = (0..names.len()).find(|column| *column != chosen && is_alike(column)) {
-                let what = attribute.described();
-                remarks.push(format!(
-                    "columns {} ({:?}) and {} ({:?}) both name {what}; column {} is read",
-                    chosen + 1,
-                    names[chosen],
-                    other + 1,
-                    names[other],
-                    chosen + 1
-                ));
-            }
-        }
+        let mut remarks = self.repeated(names, "column");
         for (attribute, column) in self.used() {
             if let Some(dimension) = attribute.dimension()
                 && let Some(unit) = unit_of(names[column])
@@ -357,6 +337,36 @@ impl Columns {
             ));
         }
         remarks
+    }
+
+    /// Remarks about names that occur twice or mean the same; `noun` is the singular of what has the names.
+    pub(crate) fn repeated(&self, names: &[&str], noun: &str) -> Vec<String> {
+        let plain: Vec<String> = names.iter().copied().map(name_of).collect();
+        let remark = |what: &str, chosen: usize, is_alike: &dyn Fn(&str) -> bool| {
+            let other = (0..names.len()).find(|column| *column != chosen && is_alike(&plain[*column]))?;
+            Some(format!(
+                "{noun}s {} ({:?}) and {} ({:?}) both name {what}; {noun} {} is read",
+                chosen + 1,
+                names[chosen],
+                other + 1,
+                names[other],
+                chosen + 1
+            ))
+        };
+        let of_attributes = self.used().filter_map(|(attribute, chosen)| {
+            let own = plain[chosen].as_str();
+            remark(attribute.described(), chosen, &|name| {
+                // A single letter is the name of a coordinate only if there is no better one.
+                let may_differ = name.len() == 1
+                    || COMMON_PAIRS.iter().any(|pair| pair.contains(&name) && pair.contains(&own));
+                name == own || (!may_differ && attribute.has_name(name))
+            })
+        });
+        let of_colours =
+            self.colours.iter().flatten().filter_map(|&chosen| {
+                remark("a component of the colour", chosen, &|name| name == plain[chosen])
+            });
+        of_attributes.chain(of_colours).collect()
     }
 
     /// The question whether unknown names mean attributes without a column.
@@ -404,6 +414,12 @@ impl Columns {
     pub fn without(mut self, attributes: &[Attribute]) -> Columns {
         attributes.iter().for_each(|attribute| self.columns[*attribute as usize] = None);
         self
+    }
+
+    /// The columns of some attributes alone.
+    pub(crate) fn only(self, attributes: &[Attribute]) -> Columns {
+        let others: Vec<Attribute> = Attribute::ALL.into_iter().filter(|a| !attributes.contains(a)).collect();
+        self.without(&others).with_colours(None)
     }
 
     /// Index of the column that holds `attribute`, from 0; `None` without such a column.

@@ -173,6 +173,10 @@ impl Columns {
                 question.unwrap_or_else(|| "vlscan run --objects objects.csv writes such a table".to_owned()),
             ));
         }
+        let count = |name: &str| heading.fields.iter().filter(|field| &***field == name).count();
+        if let Some(name) = OTHERS.into_iter().chain(NUMBERS).find(|name| count(name) > 1) {
+            return Err(Error::input(format!("{}: duplicate column {name}", path.display())));
+        }
         // All are there.
         let place = |name: &str| at(name).unwrap_or_default();
         Ok(Columns { numbers: NUMBERS.map(place), others: OTHERS.map(place) })
@@ -237,6 +241,8 @@ mod tests {
         for text in ["", "# nothing\n", "a,b\n1,2\n", "\u{0}\u{0}"] {
             assert!(Objects::parse(Path::new("objects.csv"), text).is_err(), "{text:?}");
         }
+        let twice = Objects::parse(Path::new("objects.csv"), &format!("{HEADING},x\n")).unwrap_err();
+        assert!(twice.to_string().contains("duplicate column x"), "{twice}");
         let misspelt = HEADING.replace("length", "lenght").replace("class", "clas");
         let error = format!("{:?}", Objects::parse(Path::new("objects.csv"), &misspelt).unwrap_err());
         assert!(error.contains("did you mean `class` by `clas`, `length` by `lenght`?"), "{error}");
