@@ -17,8 +17,8 @@ use vlscan_base::files::{
     FileSet, NewFolder, identity, is_special, is_taken, reads, refuse_unwritable, remove_litter,
 };
 use vlscan_formats::{
-    CloudSettings, Column, Destination, FrameNames, Needs, ObjectIds, PacketPlace, PointBatch, PointEncoder,
-    PointFormat,
+    CloudSettings, Column, Destination, FrameNames, LasSettings, Needs, ObjectIds, PacketPlace, PointBatch,
+    PointEncoder, PointFormat,
 };
 use vlscan_geom::DVec3;
 use vlscan_lidar::pulse::Batch;
@@ -283,6 +283,7 @@ fn check_requests(request: &OutputRequest, context: &OutputContext, problems: &m
         warn_of_unused_columns(request, problems);
     }
     check_frames(request, problems);
+    warn_of_unused_las(request, problems);
     if request.split_by_channel
         && context.devices.len() > 1
         && request.sinks.iter().any(|(target, _)| streams(target))
@@ -314,6 +315,26 @@ fn warn_of_unused_columns(request: &OutputRequest, problems: &mut Diagnostics) {
     problems
         .warn(None, format!("--columns: the outputs have no {}", names.join(", ")))
         .help(format!("-o points.csv, .xyz, .arrow or .parquet{other}"));
+}
+
+/// Warns of settings of LAS without such an output.
+fn warn_of_unused_las(request: &OutputRequest, problems: &mut Diagnostics) {
+    // Any output can be made of a shard, and tables in memory are no files.
+    if request.has_las() || request.shard.is_some() || request.sinks.is_empty() {
+        return;
+    }
+    let (las, default) = (&request.cloud.las, LasSettings::default());
+    let settings = [
+        ("--las10", las.version != default.version),
+        ("--las-scale", las.scale.is_some()),
+        ("--las-at-most", las.at_most.is_some()),
+        ("--las-extra", las.extra != default.extra),
+        ("--wave-packets", las.packets.is_some()),
+    ];
+    for (option, _) in settings.into_iter().filter(|(_, is_set)| *is_set) {
+        let message = format!("{option} has no effect: none of the outputs is las or laz");
+        problems.warn(None, message).help("-o points.laz");
+    }
 }
 
 /// Reports problems of the frames of MCAP.
