@@ -257,6 +257,8 @@ fn names_of_other_formats_are_errors_before_the_work() {
         (&["scene", "pack", &survey], &["-o", "b.laz"], "-o b.laz: expected a name that ends in .vlscene"),
         (&["bench", &survey], &["--json", "b.laz"], "--json b.laz: the file is JSON, not laz"),
         (&["unzip", "a.laz"], &["b.laz"], "OUT b.laz: the file is TXT, not laz"),
+        (&["run", &survey], &["--output", "b.laz"], "--output b.laz: expected the name of a folder"),
+        (&["run", &survey], &["--shard", "0/1", "-o", "b.laz"], "-o b.laz: expected the name of a folder"),
         (&["scene", "make", "forest"], &["-o", "b.laz"], "-o b.laz: expected the name of a folder"),
         (
             &["frames", "a.mcap"],

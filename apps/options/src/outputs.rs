@@ -96,6 +96,7 @@ impl Options {
         let output = &self.output;
         let default_format = output.helios_format();
         if let Some(folder) = &output.output {
+            check_folder("--output", folder)?;
             return Ok(vec![(Target::Helios(folder.clone()), default_format)]);
         }
         if !output.out.is_empty() {
