@@ -232,8 +232,8 @@ pub enum PlanError {
     },
     /// A platform whose mount turns all beams into a plane along the direction of travel.
     #[error(
-        "on the mount of --platform {instrument} scans along the road only, so that a drive measures a single \
-         line; leave out --platform for a mount that scans across, or turn the mount by {turns}"
+        "on the mount of --platform {instrument} scans along the road only: a drive measures a single line; \
+         leave out --platform for a mount that scans across, or turn the mount by {turns}"
     )]
     AlongRoad {
         /// Name of the instrument.

@@ -286,8 +286,8 @@ impl OutputRequest {
 }
 
 /// Leaves out the options of each of several runs that apply to outputs of the others only: columns, frames
-/// and their names, the division of folders, settings of LAS, labels, heights and true positions. Options that
-/// apply to no run stay, and are errors or warnings.
+/// and their names, the division of folders, settings of LAS, labels, heights and true positions. Options
+/// that apply to no run stay, and are errors or warnings.
 pub fn leave_options_to_others(runs: &mut [&mut OutputRequest]) {
     let uses: [fn(&OutputRequest) -> bool; 7] = [
         OutputRequest::uses_columns,

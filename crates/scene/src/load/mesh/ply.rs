@@ -95,9 +95,9 @@ fn repeated_properties(header: &Header, repeated: &[(String, String)], colours: 
             let own = meaning(name);
             let earlier = names[..i].iter().find(|other| own.is_some() && meaning(other) == own);
             if let Some(earlier) = earlier {
-                let element = &element.name;
+                let of = &element.name;
                 found.push(format!(
-                    "the properties {earlier} and {name} of an element {element} mean the same; {name} is read"
+                    "the properties {earlier} and {name} of an element {of} mean the same; {name} is read"
                 ));
             }
         }
