@@ -12,6 +12,7 @@ use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{reads, refuse_unwritable, write_file, write_stderr, write_stdout};
 use vlscan_base::quantity::amount;
 use vlscan_choice::Choice as _;
+use vlscan_options::outputs::check_content;
 use vlscan_options::{ChunkSize, Options, ResolvedRun, Switch, policy};
 use vlscan_session::output::{OutputRequest, PointFormat, Target};
 use vlscan_session::{LoadedScene, Progress, RunContext, Session, Settings};
@@ -58,6 +59,7 @@ struct Shares {
 
 pub fn run(args: &BenchArgs, console: &Console) -> Result<()> {
     if let Some(path) = &args.json {
+        check_content("--json", path, "JSON")?;
         refuse_unwritable(path, args.force)?;
         reads::refuse_input_of(path, [&args.survey])?;
     }

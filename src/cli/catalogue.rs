@@ -1,7 +1,7 @@
 //! `vlscan catalogue`: the scanners and platforms shipped with the program.
 
 use super::Console;
-use super::args::{CatalogueArgs, CatalogueCommand, ShowArgs};
+use super::args::{CatalogueArgs, CatalogueCommand, ListArgs, ShowArgs};
 use super::coverage::has_extension;
 use serde::Serialize;
 use vlscan_base::aligned::{Side, aligned};
@@ -22,14 +22,21 @@ struct Rows {
 }
 
 pub fn run(args: &CatalogueArgs, console: &Console) -> Result<()> {
-    if let Some(CatalogueCommand::Show(args)) = &args.command {
-        return show(args, console);
+    match &args.command {
+        Some(CatalogueCommand::Show(args)) => show(args, console),
+        Some(CatalogueCommand::List(args)) => list(args, console),
+        None => list(&args.list, console),
     }
+}
+
+/// Lists the entries that have all words of the filter.
+fn list(args: &ListArgs, console: &Console) -> Result<()> {
     let (known, warnings) = catalogue()?;
     console.warnings(&warnings)?;
+    let words: Vec<String> = args.filter.iter().map(|word| word.to_lowercase()).collect();
     let is_listed = |reference: &str, name: &str| {
-        let part = args.filter.as_deref().unwrap_or_default().to_lowercase();
-        reference.to_lowercase().contains(&part) || name.to_lowercase().contains(&part)
+        let (reference, name) = (reference.to_lowercase(), name.to_lowercase());
+        words.iter().all(|word| reference.contains(word) || name.contains(word))
     };
     let rows = Rows {
         scanners: known
@@ -46,17 +53,33 @@ pub fn run(args: &CatalogueArgs, console: &Console) -> Result<()> {
             .collect(),
     };
     if rows.scanners.is_empty() && rows.platforms.is_empty() {
-        let typed = args.filter.as_deref().unwrap_or_default();
-        let references =
-            known.scanners.iter().map(|(name, _)| name).chain(known.platforms.iter().map(|(name, _)| name));
-        let ids = references.filter_map(|reference| Some(reference.split_once('#')?.1));
-        let help = match nearest(typed, ids) {
-            Some(near) => format!("did you mean `{near}`?"),
-            None => "`vlscan catalogue` lists all entries".to_owned(),
-        };
-        return Err(Error::input(format!("no entry of the catalogue has `{typed}` in its name; {help}")));
+        let scanners = known.scanners.iter().map(|(reference, scanner)| (reference, scanner.name.as_str()));
+        let entries: Vec<(&String, &str)> =
+            scanners.chain(known.platforms.iter().map(|(reference, _)| (reference, ""))).collect();
+        return Err(no_entry(&args.filter, &entries));
     }
     write_stdout(&if args.json { json(&rows)? } else { table(&rows) })
+}
+
+/// No entry, given as its reference and name, has all these words.
+fn no_entry(words: &[String], entries: &[(&String, &str)]) -> Error {
+    let has = |word: &str| {
+        let word = word.to_lowercase();
+        entries.iter().any(|(reference, name)| {
+            reference.to_lowercase().contains(&word) || name.to_lowercase().contains(&word)
+        })
+    };
+    let ids = || entries.iter().filter_map(|(reference, _)| Some(reference.split_once('#')?.1));
+    let near = words.iter().filter(|word| !has(word)).find_map(|word| nearest(word, ids()));
+    let help = match (words, near) {
+        ([first, name], _) if nearest(first, ["show"]).is_some() => {
+            format!("`vlscan catalogue show {name}` shows a scanner; options follow it")
+        }
+        (_, Some(near)) => format!("did you mean `{near}`?"),
+        (_, None) => "`vlscan catalogue` lists all entries".to_owned(),
+    };
+    let typed: Vec<String> = words.iter().map(|word| format!("`{word}`")).collect();
+    Error::input(format!("no entry of the catalogue has {} in its name; {help}", typed.join(" and ")))
 }
 
 /// A scanner with where its figures come from.

@@ -3,24 +3,13 @@
 use super::console::Console;
 use super::interrupt;
 use super::watch::{during, watched};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::write_file;
-use vlscan_options::{Options, ResolvedRun};
 use vlscan_scene::Scene;
 use vlscan_session::output::OutputRequest;
 use vlscan_session::{PartTable, Progress, Report, RunContext, Session, Settings};
 use vlscan_warehouse::Recorder;
-
-/// Reads the survey or pipeline with the options of the command line, and shows the warnings about them.
-///
-/// # Errors
-/// As for [`ResolvedRun::resolve`]; warnings, if they are errors.
-pub fn resolve(file: &Path, options: &Options, console: &Console) -> Result<ResolvedRun> {
-    let (job, warnings) = ResolvedRun::resolve(file, options)?;
-    console.warnings(&warnings)?;
-    Ok(job)
-}
 
 /// Opens the session of a run: loads the scene and builds its tree.
 ///

@@ -17,6 +17,7 @@ use vlscan_options::outputs::check_content;
 
 pub fn run(args: &FitArgs, console: &Console) -> Result<()> {
     check_content("-o", &args.out, "TOML")?;
+    args.planes.as_deref().map_or(Ok(()), |path| check_content("--planes", path, "OBJ"))?;
     if let Some(calibration) = &args.calibration {
         return run_spinning(args, calibration, console);
     }

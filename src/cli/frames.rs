@@ -8,9 +8,11 @@ use std::path::Path;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::reads;
 use vlscan_base::quantity::{amount_of, counted};
+use vlscan_options::outputs::check_folder;
 use vlscan_tools::frames::write_frames;
 
 pub fn run(args: &FramesArgs, console: &Console) -> Result<()> {
+    check_folder("-o", &args.out)?;
     let is_stdin = args.points.as_os_str() == "-";
     let (name, source): (&Path, Box<dyn Read>) = match is_stdin {
         true => (Path::new("<stdin>"), Box::new(std::io::stdin().lock())),

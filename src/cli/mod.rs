@@ -11,7 +11,7 @@
 //! | `stages` | `vlscan trajectory`, `pulses` and `trace` |
 //! | `rig` | several scanners on one platform: their runs, the scene that they share |
 //! | `shared_logs` | MCAP files that several scanners share |
-//! | `companions` | what surrounds the work of a command: warnings, progress, files beside the points |
+//! | `companions` | what surrounds the work of a command: progress, files beside the points |
 //! | `shards` | `vlscan run --shard`, `vlscan index-shards`, `vlscan merge` |
 //! | `plan` | `vlscan plan` |
 //! | `campaign` | `vlscan campaign` |

@@ -1,11 +1,12 @@
 //! `vlscan scene pack`: a scene compiled to one file.
 
 use super::args::PackArgs;
+use super::coverage::has_extension;
 use super::watch::during;
 use super::{Console, messages};
 use std::time::Instant;
-use vlscan_base::error::Result;
-use vlscan_base::files::refuse_unwritable;
+use vlscan_base::error::{Error, Result};
+use vlscan_base::files::{is_special, refuse_unwritable};
 use vlscan_base::machine;
 use vlscan_base::quantity::{amount, bytes};
 use vlscan_campaign::NamedScene;
@@ -20,6 +21,10 @@ pub fn run(args: &PackArgs, console: &Console) -> Result<()> {
     let (recipe, found, warnings) = name.recipe()?;
     console.warnings(&warnings)?;
     let out = args.out.clone().unwrap_or_else(|| recipe.path.with_extension("vlscene"));
+    // Only such names are opened as scenes; pipes and devices have any name.
+    if !has_extension(&out, &["vlscene"]) && !is_special(&out) {
+        return Err(Error::input(format!("-o {}: expected a name that ends in .vlscene", out.display())));
+    }
     refuse_unwritable(&out, args.force)?;
     let seed = args.seed.map(|seed| seed.0).or(found.seed).unwrap_or(0);
     let corrections = args.physics.map_or(found.corrections, PhysicsProfile::corrections);

@@ -6,6 +6,7 @@ use super::{Console, info, map, messages, pack};
 use vlscan_base::error::Result;
 use vlscan_base::quantity::amount;
 use vlscan_fit::scene;
+use vlscan_options::outputs::check_folder;
 use vlscan_tools::generate::{make_stand, write_scene};
 
 pub fn run(args: &SceneArgs, console: &Console) -> Result<()> {
@@ -20,6 +21,7 @@ pub fn run(args: &SceneArgs, console: &Console) -> Result<()> {
 }
 
 fn make(args: &MakeArgs, console: &Console) -> Result<()> {
+    check_folder("-o", &args.out)?;
     let made = during(console, "making the scene", || write_scene(&args.options, &args.out))?;
     let text = format!(
         "{} triangles{} in {}; scan them ({} pulses) with: vlscan run {}",
@@ -35,6 +37,7 @@ fn make(args: &MakeArgs, console: &Console) -> Result<()> {
 }
 
 fn stand(args: &StandArgs, console: &Console) -> Result<()> {
+    check_folder("-o", &args.out)?;
     let make = || make_stand(&args.options, &args.out, &|_| true, &console.listener());
     let made = during(console, "making the stand", make)?;
     let counts: Vec<String> = made.trees.iter().map(usize::to_string).collect();
@@ -50,6 +53,7 @@ fn stand(args: &StandArgs, console: &Console) -> Result<()> {
 }
 
 fn reconstruct(args: &ReconstructArgs, console: &Console) -> Result<()> {
+    check_folder("-o", &args.out)?;
     let options = &args.options;
     let work = || scene::reconstruct(options, &console.listener());
     let found = during(console, "reading the cloud", work)?;

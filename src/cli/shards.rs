@@ -13,6 +13,7 @@ use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{is_taken, reads, refuse_unwritable};
 use vlscan_base::quantity::{amount, amount_of, counted};
+use vlscan_options::outputs::check_folder;
 use vlscan_options::{OneOf, Options, ResolvedRun, schedule_of};
 use vlscan_session::output::OutputRequest;
 use vlscan_session::shards::{ShardSet, shard_path};
@@ -275,7 +276,7 @@ fn folder_of_shards(options: &Options) -> Result<(PathBuf, Options)> {
         [folder] if folder.exists() && !folder.is_dir() => {
             Err(Error::input(format!("{} is a file, expected a folder for the shards", folder.display())))
         }
-        [folder] => Ok((folder.clone(), options)),
+        [folder] => check_folder("-o", folder).map(|()| (folder.clone(), options)),
         _ => refuse("expected one folder for the shards: -o DIR; choose formats with vlscan merge"),
     }
 }

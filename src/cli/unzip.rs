@@ -6,9 +6,11 @@ use std::io::{self, BufRead, BufReader};
 use std::path::Path;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::reads;
+use vlscan_options::outputs::check_content;
 use vlscan_session::output::unzip;
 
 pub fn run(args: &UnzipArgs, console: &Console) -> Result<()> {
+    check_content("OUT", &args.out, "TXT")?;
     let file: Box<dyn BufRead> = if is_stream(&args.file) {
         Box::new(io::stdin().lock())
     } else {

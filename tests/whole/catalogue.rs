@@ -77,6 +77,23 @@ fn the_catalogue_is_listed_and_filtered() {
     }
     let some = text(&succeed(dir.path(), &["catalogue", "VZ"]).stdout);
     assert!(some.contains("#riegl_vz400") && !some.contains("#vlp16"), "{some}");
+    // `list` is no filter, and several words are.
+    let listed = |args: &[&str]| text(&succeed(dir.path(), &[&["catalogue"][..], args].concat()).stdout);
+    assert_eq!(listed(&["list"]), all);
+    assert_eq!(listed(&["list", "VZ"]), some);
+    assert_eq!(listed(&["list", "--json", "livox"]), listed(&["livox", "--json"]));
+    let both = listed(&["riegl", "1uav"]);
+    assert!(both.contains("#riegl_vux-1uav") && !both.contains("#riegl_vz400"), "{both}");
+    for (args, help) in [
+        (&["livox", "vlp6"][..], "has `livox` and `vlp6` in its name; did you mean `vlp16`?"),
+        (&["livox", "vlp16"], "`vlscan catalogue` lists all entries"),
+        (&["shw", "vlp16"], "`vlscan catalogue show vlp16` shows a scanner"),
+        (&["--json", "show", "vlp16"], "`vlscan catalogue show vlp16` shows a scanner; options follow it"),
+    ] {
+        let none = run(dir.path(), &[&["catalogue"][..], args].concat());
+        let said = text(&none.stderr);
+        assert!(none.status.code() == Some(2) && said.contains(help), "{args:?}: {said}");
+    }
     let none = run(dir.path(), &["catalogue", "no such thing"]);
     assert!(none.status.code() == Some(2) && none.stdout.is_empty() && !none.stderr.is_empty());
 }

@@ -35,6 +35,7 @@ fn no_command_replaces_what_it_reads() {
     fs::copy(at("shell.obj"), at("shell.png")).unwrap();
     fs::write(at("scene.xml"), scene.replace("shell.obj", "shell.png")).unwrap();
     fs::hard_link(at("shell.png"), at("hard.laz")).unwrap();
+    fs::hard_link(at("shell.png"), at("hard.vlscene")).unwrap();
     #[cfg(unix)]
     std::os::unix::fs::symlink("shell.png", at("soft.laz")).unwrap();
     succeed(dir.path(), &["run", "survey.xml", "-q", "-o", "a.las"]);
@@ -54,7 +55,7 @@ fn no_command_replaces_what_it_reads() {
         vec!["run", "survey.xml", "-o", "c.laz", "--schedule-log", "scene.xml"],
         vec!["run", "survey.xml", "-o", "c.laz", "--parts", "shell.png"],
         vec!["run", "survey.xml", "--format", "las", "-o", "scene.xml"],
-        vec!["scene", "pack", "survey.xml", "-o", "shell.png"],
+        vec!["scene", "pack", "survey.xml", "-o", "hard.vlscene"],
         vec!["preview", "survey.xml", "-o", "shell.png"],
         vec!["preview", "a.las", "-o", "a.las"],
         vec!["compare", "a.las", "b.las", "--page", "a.las"],
@@ -131,7 +132,8 @@ fn one_file_has_one_output_and_no_source_is_replaced() {
     let survey = fs::read(dir.path().join("survey.xml")).unwrap();
     let log = ["run", "survey.xml", "-o", "y.las", "--schedule-log", "survey.xml", "--force"];
     refused(dir.path(), &log, "is read by this command");
-    let pack = ["scene", "pack", "survey.xml", "-o", "shell.obj", "--force"];
+    fs::hard_link(dir.path().join("shell.obj"), dir.path().join("shell.vlscene")).unwrap();
+    let pack = ["scene", "pack", "survey.xml", "-o", "shell.vlscene", "--force"];
     refused(dir.path(), &pack, "is a source of the scene");
     assert!(fs::read(dir.path().join("survey.xml")).unwrap() == survey);
     assert!(fs::read(dir.path().join("shell.obj")).unwrap() == fs::read(fixture("room/shell.obj")).unwrap());
@@ -241,8 +243,8 @@ fn outputs_without_a_folder_are_errors_before_the_work() {
 
 #[test]
 fn names_of_other_formats_are_errors_before_the_work() {
-    let dir = folder();
-    succeed(dir.path(), &["run", &room(), "-q", "-o", "a.laz"]);
+    let (dir, survey) = (folder(), room());
+    succeed(dir.path(), &["run", &survey, "-q", "-o", "a.laz"]);
     let compare = ["compare", "a.laz", "a.laz"];
     let plan = ["plan", "terrestrial", "--scanner", "riegl_vz400", "--ground", "0", "--at", "0,0"];
     let commands: &[(&[&str], &[&str], &str)] = &[
@@ -252,6 +254,17 @@ fn names_of_other_formats_are_errors_before_the_work() {
         (&["fit", "a.laz"], &["-o", "b.laz"], "-o b.laz: the file is TOML, not laz"),
         (&plan, &["-o", "b.laz"], "-o b.laz: the file is TOML, not laz"),
         (&plan, &["-o", "b.csv", "--lines", "./b.csv"], "./b.csv: two outputs have the same name"),
+        (&["scene", "pack", &survey], &["-o", "b.laz"], "-o b.laz: expected a name that ends in .vlscene"),
+        (&["bench", &survey], &["--json", "b.laz"], "--json b.laz: the file is JSON, not laz"),
+        (&["unzip", "a.laz"], &["b.laz"], "OUT b.laz: the file is TXT, not laz"),
+        (&["run", &survey], &["--output", "b.laz"], "--output b.laz: expected the name of a folder"),
+        (&["run", &survey], &["--shard", "0/1", "-o", "b.laz"], "-o b.laz: expected the name of a folder"),
+        (&["scene", "make", "forest"], &["-o", "b.laz"], "-o b.laz: expected the name of a folder"),
+        (
+            &["frames", "a.mcap"],
+            &["--layout", "kitti", "-o", "b.las"],
+            "-o b.las: expected the name of a folder",
+        ),
     ];
     for (command, outputs, expected) in commands {
         refused(dir.path(), &[*command, *outputs].concat(), expected);

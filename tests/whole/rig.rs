@@ -264,7 +264,9 @@ fn outputs_of_all_scanners_are_checked_before_the_first_pulse() {
     assert!(pulses.contains("would both write to") && pulses.contains("front_pulse.txt"), "{pulses}");
     for command in ["pulses", "trajectory"] {
         let single = refused(&rig(LEGS), &[command, "rig.toml"]);
-        assert!(single.contains("this command takes a single scanner"), "{single}");
+        assert!(single.contains("takes a single scanner") && single.contains("--scanner NAME"), "{single}");
+        let out = succeed(dir.path(), &[command, "rig.toml", "--scanner", "front", "-q"]);
+        assert!(text(&out.stdout).lines().count() > 2, "{command}");
     }
     let nowhere = refused(&rig(LEGS).replace("rear.las", "none/rear.las"), &["run", "rig.toml", "-q"]);
     assert!(nowhere.contains("scanner `rear`: none is not a directory"), "{nowhere}");

@@ -96,6 +96,7 @@ impl Options {
         let output = &self.output;
         let default_format = output.helios_format();
         if let Some(folder) = &output.output {
+            check_folder("--output", folder)?;
             return Ok(vec![(Target::Helios(folder.clone()), default_format)]);
         }
         if !output.out.is_empty() {
@@ -184,6 +185,23 @@ pub fn check_content(option: &str, path: &Path, content: &str) -> Result<()> {
     }
 }
 
+/// Refuses the name of a file of points for a folder that does not exist yet.
+///
+/// # Errors
+/// [`Error::Input`].
+pub fn check_folder(option: &str, path: &Path) -> Result<()> {
+    match PointFormat::of_file(path) {
+        Some(Ok(format)) if !path.is_dir() => {
+            let (shown, format) = (path.display(), format.name());
+            let message =
+                format!("{option} {shown}: expected the name of a folder, found that of a {format} file");
+            let folder = path.with_extension("");
+            Err(Error::input_with_help(message, format!("name a folder, such as {}", folder.display())))
+        }
+        _ => Ok(()),
+    }
+}
+
 fn with_file_per_leg(target: Target) -> Target {
     match target {
         Target::File(path) => Target::Directory(path),
@@ -239,6 +257,9 @@ mod tests {
             assert!(said(other).contains("the file is CSV, not"), "{other}: {}", said(other));
         }
         assert!(said("-").contains("stdout is for points") && said("/dev/stdout").contains("stdout"));
+        let folder = |path: &str| check_folder("-o", Path::new(path)).map_err(|error| error.to_string());
+        assert!(["a", "a.b/c", "v1.2", "."].map(folder).iter().all(std::result::Result::is_ok));
+        assert!(folder("a.laz").unwrap_err().contains("-o a.laz: expected the name of a folder"));
         let way = || PathBuf::from("way.ply");
         let typed = Options { trajectory_out: Some(way()), ..Options::default() };
         let content = OutputContent::Trajectory;

@@ -1,6 +1,7 @@
 //! Conversion of options to the settings of a session, with every choice resolved.
 
 use super::outputs::check_companion;
+use super::scanners::no_scanner;
 use super::{Options, ScannerSurvey, read_scanners, read_survey, read_survey_text};
 use std::path::{Path, PathBuf};
 use vlscan_base::diag::Diagnostics;
@@ -67,6 +68,19 @@ impl ResolvedRun {
             }
         }
         Ok((runs, warnings))
+    }
+
+    /// Reads a pipeline as [`ResolvedRun::resolve_all`] does, and returns the run of the scanner with a name.
+    ///
+    /// # Errors
+    /// As for [`ResolvedRun::resolve`], and for a file without such a scanner.
+    pub fn resolve_scanner(file: &Path, name: &str, typed: &Options) -> Result<(ResolvedRun, Diagnostics)> {
+        let (runs, warnings) = ResolvedRun::resolve_all(file, typed)?;
+        let names: Vec<String> = runs.iter().filter_map(|run| run.scanner.clone()).collect();
+        match runs.into_iter().find(|run| run.scanner.as_deref() == Some(name)) {
+            Some(run) => Ok((run, warnings)),
+            None => Err(no_scanner(file, name, &names)),
+        }
     }
 
     /// Reads a pipeline, or a survey in XML, in memory and resolves every choice, as [`ResolvedRun::resolve`]

@@ -1,7 +1,8 @@
 //! Several scanners on one platform: the survey of each, and options that cannot serve all of them.
 
 use super::groups::Options;
-use vlscan_base::diag::Diagnostics;
+use std::path::Path;
+use vlscan_base::diag::{Diagnostics, nearest};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::is_special;
 use vlscan_survey::{PlatformKind, Source, Survey};
@@ -77,7 +78,25 @@ pub(super) fn check_several(options: &Options) -> Result<()> {
 pub(super) fn refuse_several(source: &Source, count: usize) -> Error {
     let mut problems = Diagnostics::default();
     let message = format!("the file has {count} [[scanner]] tables, but this command takes a single scanner");
-    let help = "only `vlscan run`, `index-shards` and `merge --pipeline` take several scanners";
+    let help = "choose one with --scanner NAME in `vlscan trajectory` and `pulses`; for other commands keep \
+                one of the tables as [scanner] in a copy of the file; `vlscan run`, `index-shards` and \
+                `merge --pipeline` take all";
     problems.error(Some(source.place(0..0)), message).help(help);
     Error::Input(Box::new(problems))
+}
+
+/// The error of a file without the scanner `name`, but with those of these names.
+pub(super) fn no_scanner(file: &Path, name: &str, names: &[String]) -> Error {
+    let file = file.display();
+    if names.is_empty() {
+        return Error::input_with_help(
+            format!("--scanner {name}: {file} has no [[scanner]] tables"),
+            "leave out --scanner",
+        );
+    }
+    let help = match nearest(name, names.iter().map(String::as_str)) {
+        Some(near) => format!("did you mean `{near}`?"),
+        None => format!("its scanners are {}", names.join(", ")),
+    };
+    Error::input_with_help(format!("--scanner {name}: {file} has no scanner of this name"), help)
 }

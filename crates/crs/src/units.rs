@@ -204,11 +204,14 @@ pub struct Units {
 }
 
 impl Units {
-    /// The units that WKT 1 or 2 names.
+    /// The units that WKT 1 or 2 names. Files of ESRI have the system of heights behind the horizontal one,
+    /// with a comma between them.
     pub fn of_wkt(wkt: &str) -> Units {
         let mut units = Units::default();
-        if let Some((root, _)) = Element::parse(wkt, MAX_DEPTH) {
+        let mut rest = Some(wkt);
+        while let Some((root, behind)) = rest.and_then(|rest| Element::parse(rest, MAX_DEPTH)) {
             units.take(&root);
+            rest = behind.trim_start().strip_prefix(',');
         }
         units
     }
@@ -327,6 +330,8 @@ mod tests {
             AXIS["(N)",north,ORDER[2],LENGTHUNIT["US survey foot",0.304800609601219]]],
             VERTCRS["v",VDATUM["d"],CS[vertical,1],AXIS["up",up],LENGTHUNIT["foot",0.3048]]]"#;
         assert_eq!(metres(wkt2), [Some(0.304800609601219), Some(0.3048)]);
+        let esri = format!("{}, VERTCS[\"v\",UNIT[\"Foot\",0.3048]]", wkt_of_epsg(25832).unwrap());
+        assert_eq!(metres(&esri), [Some(1.0), Some(0.3048)]);
         let Some(Unit::Length(feet)) = Units::of_wkt(&wkt_of_epsg(2263).unwrap()).horizontal else {
             panic!("none")
         };

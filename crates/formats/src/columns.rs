@@ -1,6 +1,8 @@
-//! Assignment of the columns of a table to the attributes of a point, and values that do not fit (`misfits`).
+//! Assignment of the columns of a table to the attributes of a point, remarks about their names (`remarks`),
+//! and values that do not fit (`misfits`).
 
 mod misfits;
+mod remarks;
 
 pub use misfits::Misfits;
 
@@ -132,17 +134,6 @@ const NAMES_BESIDE_PATHS: [&str; 4] = ["pathorder", "surfacex", OWN_NAME, "fullw
 /// Maximum number of names in a message.
 const MAX_LISTED_NAMES: usize = 8;
 
-/// Two names of an attribute that tables usually have together, with different values, so that having both is
-/// not a mistake: those of this program's own tables, and intensity and amplitude of other scanners'
-/// programs.
-const COMMON_PAIRS: [[&str; 2]; 5] = [
-    ["intensity", "amplitude"],
-    ["intensity", "heliosamplitude"],
-    ["surfaceclass", "classification"],
-    ["objectid", "part"],
-    ["hitobjectid", "part"],
-];
-
 /// A set of attributes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct AttributeSet {
@@ -211,13 +202,24 @@ pub enum PositionsError {
         found: String,
     },
     /// Some coordinates have no column.
-    #[error("no column {} with numbers; there are {found}", .missing.join(" and "))]
+    #[error(
+        "no column {} with numbers; there are {found}{}",
+        .missing.join(" and "),
+        clause(.question.as_deref())
+    )]
     Missing {
         /// The coordinates without a column: x, y, z.
         missing: Vec<&'static str>,
         /// The names.
         found: String,
+        /// The question whether some of them are misspelt.
+        question: Option<String>,
     },
+}
+
+/// A question at the end of a message.
+fn clause(question: Option<&str>) -> String {
+    question.map_or(String::new(), |question| format!("; {question}"))
 }
 
 impl Problem for PositionsError {
@@ -282,67 +284,8 @@ impl Columns {
         if names.iter().any(are_degrees) {
             return Err(PositionsError::Geographic { found });
         }
-        Err(PositionsError::Missing { missing, found })
-    }
-
-    /// Remarks about the names of a file: names that occur twice or mean the same, units that are not known,
-    /// and names that are neither read nor known.
-    pub fn remarks(&self, names: &[&str]) -> Vec<String> {
-        let plain: Vec<String> = names.iter().copied().map(name_of).collect();
-        let mut remarks = Vec::new();
-        for (attribute, chosen) in self.used() {
-            let is_alike = |column: &usize| {
-                let (name, own) = (plain[*column].as_str(), plain[chosen].as_str());
-                // A single letter is the name of a coordinate only if there is no better one.
-                let may_differ = name.len() == 1
-                    || COMMON_PAIRS.iter().any(|pair| pair.contains(&name) && pair.contains(&own));
-                name == own || (!may_differ && attribute.has_name(name))
-            };
-            if let Some(other) = (0..names.len()).find(|column| *column != chosen && is_alike(column)) {
-                let what = attribute.described();
-                remarks.push(format!(
-                    "columns {} ({:?}) and {} ({:?}) both name {what}; column {} is read",
-                    chosen + 1,
-                    names[chosen],
-                    other + 1,
-                    names[other],
-                    chosen + 1
-                ));
-            }
-        }
-        for (attribute, column) in self.used() {
-            if let Some(dimension) = attribute.dimension()
-                && let Some(unit) = unit_of(names[column])
-                && factor(attribute, names[column]).is_none()
-            {
-                let assumed = match dimension {
-                    Dimension::Time => "seconds",
-                    Dimension::Angle => "degrees",
-                    _ => "metres",
-                };
-                remarks.push(format!(
-                    "the unit {unit:?} of column {} ({:?}) is not known; {assumed} are assumed (expected {})",
-                    column + 1,
-                    names[column],
-                    dimension.units()
-                ));
-            }
-        }
-        let is_known = |name: &str| {
-            name.is_empty()
-                || is_usually_unused(name)
-                || Attribute::ALL.iter().any(|attribute| attribute.has_name(name))
-        };
-        let unknown: Vec<&str> =
-            names.iter().zip(&plain).filter(|(_, plain)| !is_known(plain)).map(|(name, _)| *name).collect();
-        if !unknown.is_empty() {
-            let columns = if unknown.len() == 1 { "column" } else { "columns" };
-            remarks.push(format!(
-                "{columns} with no known meaning, not read: {}",
-                listed(&unknown, MAX_LISTED_NAMES)
-            ));
-        }
-        remarks
+        let question = columns.question(&named);
+        Err(PositionsError::Missing { missing, found, question })
     }
 
     /// The names of the columns that are not read, or only counted.
@@ -383,6 +326,12 @@ impl Columns {
     pub fn without(mut self, attributes: &[Attribute]) -> Columns {
         attributes.iter().for_each(|attribute| self.columns[*attribute as usize] = None);
         self
+    }
+
+    /// The columns of some attributes alone.
+    pub(crate) fn only(self, attributes: &[Attribute]) -> Columns {
+        let others: Vec<Attribute> = Attribute::ALL.into_iter().filter(|a| !attributes.contains(a)).collect();
+        self.without(&others).with_colours(None)
     }
 
     /// Index of the column that holds `attribute`, from 0; `None` without such a column.

@@ -74,7 +74,10 @@ fn crs_of_file(file: &Path, part: &PartRecipe, problems: &mut Diagnostics) -> Op
     }
     match read_file(&prj, MAX_PRJ_BYTES) {
         Ok(bytes) if crs::is_wkt(&String::from_utf8_lossy(&bytes)) => {
-            Some(Named { wkt: String::from_utf8_lossy(&bytes).trim().to_owned(), file: prj })
+            let wkt = String::from_utf8_lossy(&bytes).trim().to_owned();
+            // A raster in another unit is converted to metres, which are not in its system.
+            let is_kept = !matches!(part.loader, Loader::GeoTiff { .. }) || is_metric(&wkt);
+            is_kept.then_some(Named { wkt, file: prj })
         }
         Ok(_) => {
             let message = format!("{} holds no WKT such as PROJCS[...] and is left out", prj.display());
@@ -85,5 +88,24 @@ fn crs_of_file(file: &Path, part: &PartRecipe, problems: &mut Diagnostics) -> Op
             problems.warn(part.place.clone(), format!("cannot read {}: {e}", prj.display()));
             None
         }
+    }
+}
+
+/// True unless coordinates of a system are lengths other than metres.
+fn is_metric(wkt: &str) -> bool {
+    let unit = crs::Units::of_wkt(wkt).horizontal;
+    unit.as_ref().and_then(crs::Unit::length).is_none_or(crs::LengthUnit::is_metre)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn systems_in_feet_are_not_those_of_converted_rasters() {
+        for (code, expected) in [(25832, true), (2263, false), (4326, true)] {
+            assert_eq!(is_metric(&crs::wkt_of_epsg(code).unwrap()), expected, "{code}");
+        }
+        assert!(is_metric("PROJCS[\"mine\"]"));
     }
 }

@@ -173,6 +173,11 @@ fn change_errors(fields: &mut Fields, device: &mut Device) {
         }
         fields.ignore(&rotating_only);
     }
+    // Channels may have heads of their own.
+    let has_no_head = device.head.max_rate == 0.0 && !fields.has(K.channel);
+    if is_rotating && has_no_head && fields.has(K.head_error_rad) {
+        fields.warn_of_effect(K.head_error_rad, "because the head does not turn");
+    }
     let mut formula = |key: Key| -> Option<(Formula, f64)> {
         if fields.is_toml() {
             return fields.formula(key).map(|formula| (formula, 0.0));

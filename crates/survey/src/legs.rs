@@ -89,6 +89,10 @@ impl<'c> LegReader<'c> {
         }
         let other = context.asset("platform", element, "platform").and_then(|e| read_platform(context, &e));
         let Some(other) = other else { return };
+        if leg.platform.mount.is_some() {
+            let message = "`platform` has no effect beside the <scannerMount> of the leg";
+            context.warn(element.value_place("platform"), message);
+        }
         let mount = mount_of_other(context, &other, platform, element.value_place("platform"));
         leg.platform.mount = leg.platform.mount.or(mount);
     }

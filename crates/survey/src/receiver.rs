@@ -87,6 +87,17 @@ pub(super) fn change_receiver(fields: &mut Fields, receiver: &mut Receiver) {
     change_fmcw(fields, receiver);
     change_pixels(fields, receiver);
     check_counter(fields, receiver);
+    warn_of_bandwidth(fields, receiver);
+}
+
+/// Warns of a bandwidth without noise, whose spectrum it limits. Channels may have noise of their own.
+fn warn_of_bandwidth(fields: &Fields, receiver: &Receiver) {
+    let has_noise = receiver.noise.is_some() || receiver.shot.is_some();
+    let has_amplifier = receiver.ranging != Ranging::Photons;
+    if fields.has(K.bandwidth_hz) && has_amplifier && !has_noise && !fields.has(K.channel) {
+        let [nep, snr, shot] = [K.nep_w, K.snr, K.responsivity_a_per_w].map(|key| fields.name(key));
+        fields.warn_of_effect(K.bandwidth_hz, &format!("without noise: `{nep}`, `{snr}` or `{shot}`"));
+    }
 }
 
 /// Applies chirps, which have no pulse and no photons.

@@ -91,6 +91,25 @@ pub fn split_suffix(name: &str, is_known: impl Fn(&str) -> bool) -> Option<(&str
     })
 }
 
+/// The question whether headings with unknown names, and perhaps units, mean the names that `similar` finds
+/// for them; `None` if it finds none.
+pub fn did_you_mean<'n>(
+    headings: impl IntoIterator<Item = impl AsRef<str>>,
+    similar: impl Fn(&str) -> Option<&'n str>,
+) -> Option<String> {
+    let near = |heading: &str| {
+        let (name, _) = split_unit(heading.trim().trim_matches(['"', '\'']));
+        let stem = || split_suffix(name, |stem| similar(stem).is_some()).map(|(stem, _)| stem);
+        similar(name).or_else(|| similar(stem()?))
+    };
+    let pairs = headings.into_iter().filter_map(|heading| {
+        let heading = heading.as_ref().trim();
+        Some(format!("`{}` by `{heading}`", near(heading)?))
+    });
+    let pairs: Vec<String> = pairs.collect();
+    (!pairs.is_empty()).then(|| format!("did you mean {}?", pairs.join(", ")))
+}
+
 /// True if a text in lower case is a unit of any dimension.
 fn is_unit(text: &str) -> bool {
     OTHER_UNITS.contains(&text)

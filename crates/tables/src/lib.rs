@@ -23,7 +23,9 @@ mod schema;
 mod vocabulary;
 
 pub use dimension::Dimension;
-pub use heading::{HeadingError, ParsedHeading, join_units, parse_heading, split_suffix, split_unit};
+pub use heading::{
+    HeadingError, ParsedHeading, did_you_mean, join_units, parse_heading, split_suffix, split_unit,
+};
 pub use lines::{Field, Line, TextTable};
 pub use numbers::NumberTable;
 pub use schema::{Headings, Schema, TableColumn, Use, WidthError, check_width};

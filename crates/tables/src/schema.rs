@@ -1,6 +1,6 @@
 //! Schemas of tables, and the headings of a table compared with its schema.
 
-use super::heading::{HeadingError, parse_heading, split_suffix, split_unit};
+use super::heading::{HeadingError, did_you_mean, parse_heading, split_unit};
 use super::vocabulary::{Quantity, is_usually_unused, plain, similar_name};
 use vlscan_base::columns::Separator;
 use vlscan_base::diag::{Diagnostics, Place};
@@ -199,15 +199,7 @@ impl Headings {
             matches!(usage, Use::Required | Use::Optional) && !self.has(*quantity)
         });
         let names: Vec<&str> = open.flat_map(|(quantity, _)| quantity.names()).collect();
-        let similar = |name: &str| similar_name(&plain(name), names.iter().copied());
-        let pairs = self.unknown.iter().filter_map(|heading| {
-            let (name, _) = split_unit(heading);
-            let stem = || split_suffix(name, |stem| similar(stem).is_some()).map(|(stem, _)| stem);
-            let near = similar(name).or_else(|| similar(stem()?))?;
-            Some(format!("`{near}` by `{heading}`"))
-        });
-        let pairs: Vec<String> = pairs.collect();
-        (!pairs.is_empty()).then(|| format!("did you mean {}?", pairs.join(", ")))
+        did_you_mean(&self.unknown, |name| similar_name(&plain(name), names.iter().copied()))
     }
 }
 

@@ -36,8 +36,8 @@ pub use simulate::{
     SurveyArgs, TraceArgs, TrajectoryArgs,
 };
 pub use tools::{
-    BenchArgs, CatalogueArgs, CatalogueCommand, CompletionsArgs, ManArgs, PreviewArgs, ServeArgs, ShowArgs,
-    UnzipArgs,
+    BenchArgs, CatalogueArgs, CatalogueCommand, CompletionsArgs, ListArgs, ManArgs, PreviewArgs, ServeArgs,
+    ShowArgs, UnzipArgs,
 };
 
 use super::{LogTo, MessageFormat, Verbosity};

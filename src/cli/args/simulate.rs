@@ -13,6 +13,9 @@ use vlscan_options::{
 pub struct SurveyArgs {
     /// The survey (.xml) or pipeline (.toml).
     pub file: PathBuf,
+    /// Scanner of a pipeline with several [[scanner]] tables, by its name.
+    #[arg(long, value_name = "NAME", help_heading = "Input")]
+    pub scanner: Option<String>,
     /// A recorded trajectory.
     #[command(flatten)]
     pub trajectory: TrajectoryOptions,

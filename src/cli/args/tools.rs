@@ -68,8 +68,16 @@ pub struct CatalogueArgs {
     /// Command in place of the list.
     #[command(subcommand)]
     pub command: Option<CatalogueCommand>,
-    /// Show only entries with this text in their reference or name.
-    pub filter: Option<String>,
+    /// The list.
+    #[command(flatten)]
+    pub list: ListArgs,
+}
+
+/// `vlscan catalogue list`, or without `list`.
+#[derive(Debug, Args)]
+pub struct ListArgs {
+    /// Show only entries with all these words in their reference or name.
+    pub filter: Vec<String>,
     /// JSON instead of a table.
     #[arg(long)]
     pub json: bool,
@@ -80,6 +88,9 @@ pub struct CatalogueArgs {
 pub enum CatalogueCommand {
     /// Show the specifications of a scanner, and draw its scan pattern.
     Show(ShowArgs),
+    /// List the entries, as without a command.
+    #[command(hide = true)]
+    List(ListArgs),
 }
 
 /// `vlscan catalogue show`.

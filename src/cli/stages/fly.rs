@@ -1,7 +1,6 @@
 //! `vlscan trajectory` and `vlscan pulses`: fly a survey and write its poses or pulses to stdout.
 
 use crate::cli::args::{EmitArgs, EmitFormat, PulsesArgs, SurveyArgs, TrajectoryArgs};
-use crate::cli::companions::resolve;
 use crate::cli::watch::{during, watched};
 use crate::cli::{Console, Verbosity, interrupt, messages};
 use std::io::{IsTerminal, Write};
@@ -44,6 +43,18 @@ fn is_complete<T>(emitted: &Result<T>) -> bool {
     emitted.is_ok() && !interrupt::STOP.is_requested()
 }
 
+/// Reads the survey or pipeline, of several scanners that which the command line names, and shows the
+/// warnings about it.
+fn resolve(args: &SurveyArgs, console: &Console) -> Result<ResolvedRun> {
+    let options = args.options();
+    let (run, warnings) = match &args.scanner {
+        None => ResolvedRun::resolve(&args.file, &options)?,
+        Some(name) => ResolvedRun::resolve_scanner(&args.file, name, &options)?,
+    };
+    console.warnings(&warnings)?;
+    Ok(run)
+}
+
 fn fly(
     args: &SurveyArgs,
     emit_args: &EmitArgs,
@@ -57,7 +68,7 @@ fn fly(
             "an Arrow stream would go to the terminal; redirect standard output, or use --force",
         ));
     }
-    let ResolvedRun { mut settings, progress_lines, .. } = resolve(&args.file, &args.options(), console)?;
+    let ResolvedRun { mut settings, progress_lines, .. } = resolve(args, console)?;
     rows.prepare(&mut settings.survey, interval);
     let has_errors = settings.flight.navigation.any();
     let opened =

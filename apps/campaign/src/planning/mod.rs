@@ -180,7 +180,7 @@ impl Planner<'_> {
         let model = self.site.as_ref().map(|site| &site.ground);
         let height = |x: f64, y: f64| model.map_or(Some(level), |ground| ground.height(x, y));
         let ground = PlanGround { heights: &height, level };
-        let carrier = Carrier { mount: platform.mount, may_turn: self.setup.platform.is_none() };
+        let carrier = self.carrier(&platform);
         let plan = |options: &AirborneOptions| -> Result<PlannedSurvey> {
             let instrument = &self.instrument;
             let plan = match &line {
@@ -257,10 +257,16 @@ impl Planner<'_> {
         let (line, warnings) = plan::read_line(&request.along, self.crs())?;
         self.observer.warnings(warnings)?;
         let on_ground = self.is_ground_used()?;
-        let plan =
-            plan::plan_mobile(&line, &self.instrument, &request.options, self.setup.level(), on_ground)?;
-        let (platform, _, reported) = self.platform("vehicle_linearpath")?;
-        Ok((PlannedSurvey { platform, ..plan }, None, reported))
+        let (reference, platform, reported) = self.platform("vehicle_linearpath")?;
+        let carrier = self.carrier(&platform);
+        let (options, level) = (&request.options, self.setup.level());
+        let plan = plan::plan_mobile(&line, &self.instrument, &carrier, options, level, on_ground)?;
+        Ok((PlannedSurvey { platform: reference, ..plan }, None, reported))
+    }
+
+    /// How the platform carries the scanner. A plan turns the mount of a default platform only.
+    fn carrier(&self, platform: &Platform) -> Carrier {
+        Carrier { mount: platform.mount, may_turn: self.setup.platform.is_none() }
     }
 
     /// The platform of the request, or the one that suits, with its reference, and all warnings that have

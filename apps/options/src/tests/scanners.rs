@@ -147,8 +147,26 @@ fn what_only_one_scanner_can_have_is_refused_for_several() {
     let single = ResolvedRun::resolve(&folder.path("p.toml"), &Options::default());
     contains(
         &refused(single),
-        &["the file has 2 [[scanner]] tables, but this command takes a single scanner"],
+        &["the file has 2 [[scanner]] tables, but this command takes a single scanner", "--scanner NAME"],
     );
+}
+
+#[test]
+fn a_scanner_is_chosen_by_its_name() {
+    let keys = ["name = \"front\"\n", "mount = { offset_m = [0, 2, 1] }\noutput = \"front.xyz\"\n"];
+    let end = TWO.find("[[scanner]]\nname = \"rear\"").unwrap();
+    let one = TWO[..end].replace("[[scanner]]", "[scanner]").replace(keys[0], "").replace(keys[1], "");
+    let one = one.replace("settings = { scan_freq_hz = 60 }\n", "");
+    let one = format!("{one}{}", &TWO[TWO.find("[settings]").unwrap()..]);
+    let folder = Folder::new(&[("p.toml", TWO), ("one.toml", &one), ("a.obj", "")]);
+    let chosen =
+        |file: &str, name: &str| ResolvedRun::resolve_scanner(&folder.path(file), name, &Options::default());
+    let (rear, _) = chosen("p.toml", "rear").unwrap_or_else(|e| panic!("{}", report(&e)));
+    assert_eq!(rear.scanner.as_deref(), Some("rear"));
+    assert_eq!(rear.settings.survey.legs[0].scanner.pulse_freq, 2000);
+    contains(&refused(chosen("p.toml", "raer")), &["has no scanner of this name", "did you mean `rear`?"]);
+    contains(&refused(chosen("p.toml", "top")), &["its scanners are front, rear"]);
+    contains(&refused(chosen("one.toml", "front")), &["has no [[scanner]] tables", "leave out --scanner"]);
 }
 
 #[test]

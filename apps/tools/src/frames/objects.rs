@@ -2,13 +2,13 @@
 
 use std::collections::BTreeMap;
 use std::path::Path;
-use vlscan_base::diag::Diagnostics;
+use vlscan_base::diag::{Diagnostics, nearest};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::quantity::Bounds;
 use vlscan_base::recognise::{Expected, foreign};
 use vlscan_geom::{DVec3, Rotation};
 use vlscan_tables::input::read_file;
-use vlscan_tables::{Line, TextTable};
+use vlscan_tables::{Line, TextTable, did_you_mean};
 
 /// Maximum size of a table, bytes.
 const MAX_BYTES: u64 = 1 << 30;
@@ -165,10 +165,17 @@ impl Columns {
         let missing: Vec<&str> =
             OTHERS.into_iter().chain(NUMBERS).filter(|name| at(name).is_none()).collect();
         if !missing.is_empty() {
+            let is_known = |name: &str| OTHERS.contains(&name) || NUMBERS.contains(&name);
+            let unknown = heading.fields.iter().filter(|field| !is_known(field));
+            let question = did_you_mean(unknown, |name| nearest(name, missing.iter().copied()));
             return Err(Error::input_with_help(
                 format!("{}: no columns {}", path.display(), missing.join(", ")),
-                "vlscan run --objects objects.csv writes such a table",
+                question.unwrap_or_else(|| "vlscan run --objects objects.csv writes such a table".to_owned()),
             ));
+        }
+        let count = |name: &str| heading.fields.iter().filter(|field| &***field == name).count();
+        if let Some(name) = OTHERS.into_iter().chain(NUMBERS).find(|name| count(name) > 1) {
+            return Err(Error::input(format!("{}: duplicate column {name}", path.display())));
         }
         // All are there.
         let place = |name: &str| at(name).unwrap_or_default();
@@ -234,6 +241,11 @@ mod tests {
         for text in ["", "# nothing\n", "a,b\n1,2\n", "\u{0}\u{0}"] {
             assert!(Objects::parse(Path::new("objects.csv"), text).is_err(), "{text:?}");
         }
+        let twice = Objects::parse(Path::new("objects.csv"), &format!("{HEADING},x\n")).unwrap_err();
+        assert!(twice.to_string().contains("duplicate column x"), "{twice}");
+        let misspelt = HEADING.replace("length", "lenght").replace("class", "clas");
+        let error = format!("{:?}", Objects::parse(Path::new("objects.csv"), &misspelt).unwrap_err());
+        assert!(error.contains("did you mean `class` by `clas`, `length` by `lenght`?"), "{error}");
         assert!(read("").unwrap().tracks.is_empty());
     }
 }

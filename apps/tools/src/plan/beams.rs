@@ -112,6 +112,23 @@ impl Beams {
         Beams { devices: self.devices.iter().enumerate().map(thin).collect(), ..*self }
     }
 
+    /// How far the beams leave a plane along the direction of travel, as the root mean square of the sine of
+    /// their angle to it: 0 if a drive sweeps only that plane. Also the mean upward component of the beams.
+    fn across_road(&self, rotation: &Rotation) -> (f64, f64) {
+        let (mut xx, mut xz, mut zz, mut up, mut count) = (0.0, 0.0, 0.0, 0.0, 0.0);
+        for attitude in self.devices.iter().flat_map(|device| &device.attitudes) {
+            let beam = rotation.apply(attitude.forward());
+            xx += beam.x * beam.x;
+            xz += beam.x * beam.z;
+            zz += beam.z * beam.z;
+            up += beam.z;
+            count += 1.0;
+        }
+        // The smaller eigenvalue of the second moments across the direction of travel, which is y.
+        let least = 0.5 * (xx + zz) - libm::hypot(0.5 * (xx - zz), xz);
+        ((least.max(0.0) / count).sqrt(), up / count)
+    }
+
     /// The median angle between successive pulses of a device, rad; 0 if there are fewer than two.
     pub fn step_angle(&self) -> f64 {
         let Some(device) = self.devices.first() else { return 0.0 };
@@ -335,6 +352,30 @@ pub(super) fn best_mount(beams: &Beams, mount: &Mount, height: f64) -> Option<(Q
         }
     }
     best.map(|(turns, most)| (turns, merit_of(mount.rotation) >= MIN_MERIT * most))
+}
+
+/// Root mean square of the sine of the angle of beams to a plane along the road, below which a drive measures
+/// no more than that plane: that of a fan 2° wide.
+const MIN_ACROSS: f64 = 0.01;
+
+/// The quarter turns with which a drive sweeps the most, where `mount` turns all beams into a plane along the
+/// road and others do not. Fans look to a side rather than up or down.
+pub(super) fn turned_across(beams: &Beams, mount: &Mount) -> Option<QuarterTurns> {
+    let beams = beams.thinned(MERIT_SAMPLES);
+    let (across, _) = beams.across_road(&mount.rotation);
+    if across >= MIN_ACROSS {
+        return None;
+    }
+    let mut best: Option<(QuarterTurns, f64, f64)> = None;
+    for turns in QuarterTurns::all() {
+        let (found, up) = beams.across_road(&turns.rotation());
+        let merit = found * (1.0 - up.abs());
+        if best.is_none_or(|(_, _, most)| merit > 1.02 * most) {
+            best = Some((turns, found, merit));
+        }
+    }
+    // A single beam sweeps a plane on any mount.
+    best.filter(|(_, found, _)| *found > MIN_ACROSS.max(2.0 * across)).map(|(turns, ..)| turns)
 }
 
 #[cfg(test)]

@@ -230,6 +230,17 @@ pub enum PlanError {
         /// Rotation of a mount that does.
         turns: String,
     },
+    /// A platform whose mount turns all beams into a plane along the direction of travel.
+    #[error(
+        "on the mount of --platform {instrument} scans along the road only: a drive measures a single line; \
+         leave out --platform for a mount that scans across, or turn the mount by {turns}"
+    )]
+    AlongRoad {
+        /// Name of the instrument.
+        instrument: String,
+        /// Rotation of a mount with which it scans across.
+        turns: String,
+    },
     /// Ground within the minimum range.
     #[error(
         "the ground is {height} m away, but {instrument} measures from {near} m; fly higher",

@@ -1,8 +1,9 @@
 //! Mobile surveys: a vehicle along a line.
 
-use super::beams::Beams;
-use super::document::{PlannedSurvey, Waypoint};
+use super::beams::{Beams, turned_across};
+use super::document::{PlannedSurvey, Turned, Waypoint};
 use super::error::PlanError;
+use super::requirements::Carrier;
 use super::swath::{Scan, SwathModel};
 use crate::args;
 use vlscan_base::error::{Error, Result};
@@ -32,23 +33,27 @@ pub struct MobileOptions {
     pub step: f64,
 }
 
-/// Plans a drive along a line, at the height `level`, m, or on the ground of the scene.
+/// Plans a drive along a line, at the height `level`, m, or on the ground of the scene. Where the carrier's
+/// mount makes the instrument scan along the road, the plan turns it to scan across, if it may.
 ///
 /// # Errors
-/// [`Error::Input`]: options that exceed the instrument, a line that is too long for the step.
+/// [`Error::Input`]: options that exceed the instrument, a line that is too long for the step, a mount with
+/// which the instrument scans along the road.
 pub fn plan_mobile(
     line: &[[f64; 2]],
     instrument: &SwathModel,
+    carrier: &Carrier,
     options: &MobileOptions,
     level: f64,
     on_ground: bool,
 ) -> Result<PlannedSurvey> {
-    plan(line, instrument, options, level, on_ground).map_err(Error::from)
+    plan(line, instrument, carrier, options, level, on_ground).map_err(Error::from)
 }
 
 fn plan(
     line: &[[f64; 2]],
     instrument: &SwathModel,
+    carrier: &Carrier,
     options: &MobileOptions,
     level: f64,
     on_ground: bool,
@@ -68,6 +73,7 @@ fn plan(
     let scan_of = |fired: f64| instrument.scan(half_angle, pulse_rate, options.scan_freq, lines(fired));
     let scan = scan_of(instrument.beams(&scan_of(1.0)?)?.fired)?;
     let beams = instrument.beams(&scan)?;
+    let turned = turned(instrument, &beams, carrier)?;
     let (places, total) = places_along(line, options.step)?;
     let last = places.len() - 1;
     let waypoints = places
@@ -81,13 +87,32 @@ fn plan(
             strip: (i < last).then(|| "drive".to_owned()),
         })
         .collect();
+    let mut comments = described(instrument, options, &scan, &beams, total);
+    comments.extend(turned.map(|Turned { turns, .. }| {
+        format!(
+            "mount      turned by {}, because on the platform's mount it scans along the road",
+            turns.text()
+        )
+    }));
     Ok(PlannedSurvey {
         waypoints,
         scanner: instrument.reference.clone(),
+        turned,
         settings: scan.settings(),
-        comments: described(instrument, options, &scan, &beams, total),
+        comments,
         ..PlannedSurvey::default()
     })
+}
+
+/// The turned mount, where that of the platform makes the instrument scan along the road.
+fn turned(instrument: &SwathModel, beams: &Beams, carrier: &Carrier) -> Result<Option<Turned>, PlanError> {
+    match turned_across(beams, &carrier.mount) {
+        None => Ok(None),
+        Some(turns) if carrier.may_turn => Ok(Some(Turned { offset: carrier.mount.offset, turns })),
+        Some(turns) => {
+            Err(PlanError::AlongRoad { instrument: instrument.name().to_owned(), turns: turns.text() })
+        }
+    }
 }
 
 /// Positions along a line, at most `step` m apart, and the length of the line, m.
@@ -143,18 +168,53 @@ fn described(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::plan::beams::QuarterTurns;
     use crate::plan::testing::instrument;
+    use vlscan_geom::Rotation;
+    use vlscan_survey::Mount;
+
+    /// A carrier whose mount is turned about z by that angle, rad.
+    fn carrier(about_z: f64, may_turn: bool) -> Carrier {
+        Carrier { mount: Mount { rotation: Rotation::about_z(about_z), ..Mount::IDENTITY }, may_turn }
+    }
+
+    const OPTIONS: MobileOptions =
+        MobileOptions { speed: 8.0, scan_angle: None, scan_freq: None, step: 10.0 };
 
     #[test]
     fn waypoints_are_no_farther_apart_than_the_step() {
         let instrument = instrument("vlp16");
-        let options = MobileOptions { speed: 8.0, scan_angle: None, scan_freq: None, step: 10.0 };
-        let plan =
-            plan_mobile(&[[0.0, 0.0], [35.0, 0.0], [35.0, 5.0]], &instrument, &options, 2.0, false).unwrap();
+        let line = [[0.0, 0.0], [35.0, 0.0], [35.0, 5.0]];
+        let plan = plan_mobile(&line, &instrument, &carrier(0.0, false), &OPTIONS, 2.0, false).unwrap();
         let x: Vec<f64> = plan.waypoints.iter().map(|w| w.position.x).collect();
         assert_eq!(x, [0.0, 8.75, 17.5, 26.25, 35.0, 35.0]);
         assert!(plan.waypoints.iter().all(|w| w.position.z == 2.0));
         assert!(!plan.waypoints[5].active && plan.waypoints[4].active);
         assert!((plan.length() - 40.0).abs() < 1e-9);
+    }
+
+    /// The lines of mirrors are upright on a mount that is not turned.
+    #[test]
+    fn scanners_that_would_scan_along_the_road_are_turned_across_or_refused() {
+        let line = [[0.0, 0.0], [100.0, 0.0]];
+        let plan = |id: &str, about_z: f64, may_turn: bool| {
+            plan_mobile(&line, &instrument(id), &carrier(about_z, may_turn), &OPTIONS, 2.0, false)
+        };
+        for (id, about_z) in [
+            ("riegl_vux-1ha22", std::f64::consts::FRAC_PI_2),
+            ("riegl_lms-q780", std::f64::consts::FRAC_PI_2),
+            ("vlp16", 0.0),
+            ("scanners_tls.xml#livox_mid-70", 0.0),
+        ] {
+            let plan = plan(id, about_z, false).unwrap();
+            assert!(plan.turned.is_none(), "{id}");
+        }
+        for id in ["riegl_vux-1ha22", "riegl_lms-q780"] {
+            let turned = plan(id, 0.0, true).unwrap();
+            assert_eq!(turned.turned.unwrap().turns, QuarterTurns([0.0, 0.0, 90.0]), "{id}");
+            assert!(turned.comments.iter().any(|line| line.starts_with("mount ")), "{:?}", turned.comments);
+            let said = plan(id, 0.0, false).unwrap_err().to_string();
+            assert!(said.contains("along the road") && said.contains("by 90° about z"), "{id}: {said}");
+        }
     }
 }

@@ -23,6 +23,8 @@ pub enum PlanRequest {
     /// The head makes one revolution at each position. Points are resolution × range apart.
     Terrestrial(Box<TerrestrialRequest>),
     /// A vehicle along a line.
+    ///
+    /// If the scanner would scan along the road on the default platform, the plan rotates it to scan across.
     Mobile(Box<MobileRequest>),
 }
 

@@ -106,6 +106,16 @@ fn names_that_are_unknown_or_mean_the_same_are_remarked() {
     assert_eq!(twice.len(), 3, "{twice:?}");
     assert!(twice[0].contains("columns 3 (\"z\") and 4 (\"Height\")"), "{twice:?}");
     assert!(twice[1].contains("columns 6 (\"class\") and 7") && twice[2].contains("omnivariance, note"));
+    let coloured = remarks(&["x", "y", "z", "red", "green", "blue", "Red"]);
+    assert!(
+        coloured.len() == 1 && coloured[0].contains("columns 4 (\"red\") and 7 (\"Red\")"),
+        "{coloured:?}"
+    );
+    let misspelt = remarks(&["x", "y", "z", "intensty", "gps_tme [s]", "note"]);
+    let question = "note; did you mean `intensity` by `intensty`, `gpstime` by `gps_tme [s]`?";
+    assert!(misspelt.len() == 1 && misspelt[0].ends_with(question), "{misspelt:?}");
+    let missing = Columns::find_positions(&["x", "y", "elevaton"]).unwrap_err().to_string();
+    assert!(missing.ends_with("elevaton; did you mean `elevation` by `elevaton`?"), "{missing}");
     for names in [&["x", "y", "z", "class", "label"][..], &["x", "y", "z", "tree_id", "instance"]] {
         assert!(remarks(names)[0].contains("columns 4"), "{names:?}: only usual pairs are no question");
     }

@@ -222,6 +222,10 @@ impl Header {
         let columns = Columns::find_positions(&names)?;
         self.columns = columns.of_own_table(self.is_own);
         self.remarks = self.columns.remarks(&names);
+        if let (Some(_), Some(packed)) = (self.columns.colours(), self.packed_colour) {
+            let name = names[packed.field];
+            self.remarks.push(format!("its colours are read from red, green and blue, not from {name}"));
+        }
         self.names = names.into_iter().map(str::to_owned).collect();
         Ok(self)
     }

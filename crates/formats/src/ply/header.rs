@@ -15,6 +15,8 @@ pub struct PlyHeader {
     pub text: String,
     /// Offset of the elements.
     pub body: usize,
+    /// Names of elements with those of their properties that occur again.
+    pub repeated: Vec<(String, String)>,
 }
 
 /// True if a file begins with the signature of PLY files.
@@ -29,8 +31,8 @@ pub fn is_ply(bytes: &[u8]) -> bool {
 pub fn ply_header(bytes: &[u8]) -> Result<PlyHeader, PlyError> {
     let start = &bytes[..bytes.len().min(MAX_HEADER_BYTES)];
     let line_end = last_of_line_ends(start);
-    let mut header = PlyHeader { text: String::new(), body: 0 };
-    let mut names = HashSet::new();
+    let mut header = PlyHeader { text: String::new(), body: 0, repeated: Vec::new() };
+    let (mut names, mut written, mut element) = (HashSet::new(), HashSet::new(), String::new());
     while header.body < start.len() {
         let rest = &start[header.body..];
         let length = memchr::memchr(line_end, rest).unwrap_or(rest.len());
@@ -51,11 +53,16 @@ pub fn ply_header(bytes: &[u8]) -> Result<PlyHeader, PlyError> {
             }
             "property" if words.len() >= 3 => {
                 let (name, types) = words[1..].split_last().unwrap_or((&"", &[]));
+                if !written.insert((*name).to_owned()) {
+                    header.repeated.push((element.clone(), (*name).to_owned()));
+                }
                 let types = types.join(" ").to_ascii_lowercase();
                 header.text.push_str(&format!("property {types} {}\n", unique_name(name, &mut names)));
             }
             "element" => {
                 names.clear();
+                written.clear();
+                element = words.get(1).map_or(String::new(), |name| (*name).to_owned());
                 header.text.push_str(&format!("element {}\n", words[1..].join(" ")));
             }
             _ => header.text.push_str(&format!("{}\n", words.join(" ").to_ascii_lowercase())),
@@ -100,6 +107,10 @@ mod tests {
         let expected =
             "ply\nelement v 1\nproperty float a_b\nproperty float a_b_\nproperty int _2nd\nend_header\n";
         assert_eq!((header.text.as_str(), header.body), (expected, file.len()));
+        assert!(header.repeated.is_empty());
+        let file =
+            b"ply\nelement v 1\nproperty int a\nproperty int a\nelement w 1\nproperty int a\nend_header\n";
+        assert_eq!(ply_header(file).unwrap().repeated, [("v".to_owned(), "a".to_owned())]);
         for (file, message) in
             [(&b"ply\nformat ascii 1.0\n"[..], "no end"), (b"ply\n\xff\xfe\nend_header\n", "not text")]
         {

@@ -17,8 +17,8 @@ use vlscan_base::files::{
     FileSet, NewFolder, identity, is_special, is_taken, reads, refuse_unwritable, remove_litter,
 };
 use vlscan_formats::{
-    CloudSettings, Column, Destination, FrameNames, Needs, ObjectIds, PacketPlace, PointBatch, PointEncoder,
-    PointFormat,
+    CloudSettings, Column, Destination, FrameNames, LasSettings, Needs, ObjectIds, PacketPlace, PointBatch,
+    PointEncoder, PointFormat,
 };
 use vlscan_geom::DVec3;
 use vlscan_lidar::pulse::Batch;
@@ -283,6 +283,7 @@ fn check_requests(request: &OutputRequest, context: &OutputContext, problems: &m
         warn_of_unused_columns(request, problems);
     }
     check_frames(request, problems);
+    warn_of_unused_settings(request, problems);
     if request.split_by_channel
         && context.devices.len() > 1
         && request.sinks.iter().any(|(target, _)| streams(target))
@@ -314,6 +315,31 @@ fn warn_of_unused_columns(request: &OutputRequest, problems: &mut Diagnostics) {
     problems
         .warn(None, format!("--columns: the outputs have no {}", names.join(", ")))
         .help(format!("-o points.csv, .xyz, .arrow or .parquet{other}"));
+}
+
+/// Warns of settings of points that no output has.
+fn warn_of_unused_settings(request: &OutputRequest, problems: &mut Diagnostics) {
+    // Any output can be made of a shard, and tables in memory are no files.
+    if request.shard.is_some() || request.sinks.is_empty() {
+        return;
+    }
+    let OutputRequest { cloud, .. } = request;
+    let (las, default) = (&cloud.las, LasSettings::default());
+    let (has_las, in_las) = (request.has_las(), "las or laz");
+    let settings = [
+        ("--las10", las.version != default.version && !has_las, in_las),
+        ("--las-scale", las.scale.is_some() && !has_las, in_las),
+        ("--las-at-most", las.at_most.is_some() && !has_las, in_las),
+        ("--las-extra", las.extra != default.extra && !has_las, in_las),
+        ("--wave-packets", las.packets.is_some() && !has_las, in_las),
+        ("--labels", cloud.labels && !request.has_labels(), "las, laz or ply"),
+        ("--height-above-ground", cloud.heights && !request.has_heights(), "las, laz, ply or csv"),
+        ("--true-positions", cloud.true_positions && !request.has_true_positions(), in_las),
+    ];
+    for (option, _, formats) in settings.into_iter().filter(|(_, is_unused, _)| *is_unused) {
+        let message = format!("{option} has no effect: none of the outputs is {formats}");
+        problems.warn(None, message).help("-o points.laz");
+    }
 }
 
 /// Reports problems of the frames of MCAP.

@@ -1,7 +1,8 @@
 //! Names and units of the columns of scan patterns and correction files.
 
+use vlscan_base::diag::nearest;
 use vlscan_geom::degrees;
-use vlscan_tables::{Dimension, split_unit};
+use vlscan_tables::{Dimension, did_you_mean, split_unit};
 
 /// Quantities of columns, in the order of a row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -32,6 +33,9 @@ pub(super) enum Column {
 
 /// Number of quantities.
 pub(super) const COLUMNS: usize = 11;
+
+/// Minimum number of letters of a name that a misspelt one may stand for.
+const MIN_SIMILAR: usize = 3;
 
 /// A row: a number for each quantity, NaN for those without a column.
 pub(super) type Row = [f64; COLUMNS];
@@ -96,6 +100,14 @@ impl Column {
         let column = named(name).filter(|_| bracketed.is_none())?;
         Some((column, column.factor(unit)?))
     }
+
+    /// The question whether headings that are not read mean quantities other than those of `found`.
+    pub fn question(unread: &[impl AsRef<str>], found: &[Column]) -> Option<String> {
+        let open = NAMES.iter().filter(|(column, ..)| !found.contains(column));
+        let names = open.flat_map(|(_, name, others)| std::iter::once(name).chain(*others));
+        let names: Vec<&str> = names.copied().filter(|name| name.len() >= MIN_SIMILAR).collect();
+        did_you_mean(unread, |name| nearest(name, names.iter().copied()))
+    }
 }
 
 #[cfg(test)]
@@ -122,6 +134,27 @@ mod tests {
         for heading in ["", "azimuth_m", "time [deg]", "intensity", "channel_s", "deg"] {
             assert_eq!(Column::of_heading(heading), None, "{heading}");
         }
+    }
+
+    #[test]
+    fn misspelt_headings_stand_for_columns_that_are_missing() {
+        let ask = |heading: &str| Column::question(&[heading], &[Column::Time]);
+        for (heading, name) in [
+            ("azimut", "azimuth"),
+            ("azimut_deg", "azimuth"),
+            ("elev", "elevation"),
+            ("Elevaton [deg]", "elevation"),
+            ("origin_x_deg", "origin_x"),
+            ("chanel", "channel"),
+            ("firing_tme_us", "firing_time"),
+        ] {
+            assert_eq!(ask(heading), Some(format!("did you mean `{name}` by `{heading}`?")), "{heading}");
+        }
+        for heading in ["intensity", "roll", "note", "i"] {
+            assert_eq!(ask(heading), None, "{heading}");
+        }
+        let both = Column::question(&["azimut", "zenit"], &[]).unwrap();
+        assert_eq!(both, "did you mean `azimuth` by `azimut`, `zenith` by `zenit`?");
     }
 
     #[test]

@@ -61,23 +61,25 @@ impl TableFile<'_> {
         None
     }
 
-    /// The columns of headings that are read. Others are warned of.
-    fn used(&self, place: &Place, headings: &[&str]) -> Vec<Used> {
+    /// The columns of headings that are read, and the question of misspelt ones. Others are warned of.
+    fn used(&self, place: &Place, headings: &[&str]) -> (Vec<Used>, Option<String>) {
         let mut unread = Vec::new();
         let mut used = Vec::new();
         for (i, heading) in headings.iter().enumerate() {
             match Column::of_heading(heading) {
                 Some((column, factor)) => used.push((i, column, factor)),
                 None if heading.trim().is_empty() => {}
-                None => unread.push(format!("`{}`", heading.trim())),
+                None => unread.push(heading.trim()),
             }
         }
+        let question = Column::question(&unread, &quantities(&used));
         if !unread.is_empty() {
             let columns = if unread.len() == 1 { "column" } else { "columns" };
-            let message = format!("{columns} {} not read", unread.join(", "));
-            self.context.warn_help(place.clone(), message, self.help);
+            let names: Vec<String> = unread.iter().map(|name| format!("`{name}`")).collect();
+            let message = format!("{columns} {} not read", names.join(", "));
+            self.context.warn_help(place.clone(), message, question.as_deref().unwrap_or(self.help));
         }
-        used
+        (used, question)
     }
 
     /// The columns of a table of `count` columns without headings.
@@ -96,11 +98,11 @@ impl TableFile<'_> {
         let fields: Vec<&str> = first.fields.iter().map(AsRef::as_ref).collect();
         let place = table.place(&first, None);
         let has_headings = fields.iter().any(|field| field.parse::<f64>().is_err());
-        let used = match has_headings {
+        let (used, question) = match has_headings {
             true => self.used(&place, &fields),
-            false => self.unnamed::<S>(&place, fields.len())?,
+            false => (self.unnamed::<S>(&place, fields.len())?, None),
         };
-        self.begin(place, &used, sink)?;
+        self.begin(place, &used, question, sink)?;
         if !has_headings {
             self.add_line(&table, &first, &used, sink)?;
         }
@@ -117,14 +119,23 @@ impl TableFile<'_> {
         Some(())
     }
 
-    /// Begins a table with these columns.
-    fn begin(&self, place: Place, used: &[Used], sink: &mut impl RowSink) -> Option<()> {
-        let quantities: Vec<Column> = used.iter().map(|(_, column, _)| *column).collect();
+    /// Begins a table with these columns. A question of misspelt headings is the help of problems.
+    fn begin(
+        &self,
+        place: Place,
+        used: &[Used],
+        question: Option<String>,
+        sink: &mut impl RowSink,
+    ) -> Option<()> {
         let is_angle = |column| matches!(column, Column::Azimuth | Column::Elevation | Column::Zenith);
         let has_units = used.iter().any(|(_, column, factor)| is_angle(*column) && *factor != 1.0);
-        match sink.begin(&quantities, has_units) {
+        match sink.begin(&quantities(used), has_units) {
             Ok(()) => Some(()),
-            Err(problem) => self.refuse(place, &problem),
+            Err(problem) => {
+                let help = question.unwrap_or_else(|| self.help.to_owned());
+                self.context.error_help(place, problem.to_string(), help);
+                None
+            }
         }
     }
 
@@ -153,10 +164,11 @@ impl TableFile<'_> {
                 return None;
             }
         };
-        let used = match &array.names {
+        let (used, question) = match &array.names {
             Some(names) => self.used(&place, &names.iter().map(String::as_str).collect::<Vec<_>>()),
-            None => self.unnamed::<S>(&place, array.width())?,
+            None => (self.unnamed::<S>(&place, array.width())?, None),
         };
+        self.begin(place, &used, question, sink)?;
         self.add_rows(path, &used, array.rows, |row, column| array.number(row, column), sink)
     }
 
@@ -183,17 +195,20 @@ impl TableFile<'_> {
             self.context.error_help(place, message, "write the column as DOUBLE or as integers");
             return None;
         }
-        if let Some(message) = table.unread_message() {
-            self.context.warn_help(place.clone(), message, self.help);
-        }
+        let unread_message = table.unread_message();
         let (names, columns): (Vec<String>, Vec<Vec<f64>>) = table.columns.into_iter().unzip();
-        let used = self.used(&place, &names.iter().map(String::as_str).collect::<Vec<_>>());
+        let (used, _) = self.used(&place, &names.iter().map(String::as_str).collect::<Vec<_>>());
+        let question = Column::question(&table.unread, &quantities(&used));
+        if let Some(message) = unread_message {
+            self.context.warn_help(place.clone(), message, question.as_deref().unwrap_or(self.help));
+        }
+        self.begin(place, &used, question, sink)?;
         let rows = columns.first().map_or(0, Vec::len);
         let number = |row: usize, column: usize| columns[column].get(row).copied().unwrap_or(f64::NAN);
         self.add_rows(path, &used, rows, number, sink)
     }
 
-    /// Adds the rows of a table without lines.
+    /// Adds the rows of a table without lines, which has begun.
     fn add_rows(
         &self,
         path: &Path,
@@ -202,7 +217,6 @@ impl TableFile<'_> {
         number: impl Fn(usize, usize) -> f64,
         sink: &mut impl RowSink,
     ) -> Option<()> {
-        self.begin(Place::of_file(path), used, sink)?;
         for row in 0..rows {
             if let Err(problem) = add_row(row, used, |at| number(row, at), sink) {
                 return self.refuse(Place::of_file(path), &problem);
@@ -210,6 +224,10 @@ impl TableFile<'_> {
         }
         Some(())
     }
+}
+
+fn quantities(used: &[Used]) -> Vec<Column> {
+    used.iter().map(|(_, column, _)| *column).collect()
 }
 
 /// True if a line has a mark of correction files in place of numbers, or empty fields alone, as spreadsheets

@@ -126,7 +126,11 @@ fn legs_can_name_other_platforms() {
     assert_eq!(mount("tilted", ""), Some(tilted));
     // The leg's own mount goes before that of the platform.
     let own = Mount { offset: DVec3::X, rotation: Rotation::IDENTITY };
-    assert_eq!(mount("tilted", "<scannerMount x='1'/>"), Some(own));
+    let leg_of_both = leg("tilted", "<scannerMount x='1'/>");
+    let (survey, warnings) =
+        survey_of(others, "platform='plane'", &leg_of_both).unwrap_or_else(|e| panic!("{}", report(&e)));
+    assert_eq!(survey.legs[0].platform.mount, Some(own));
+    contains(&warnings.render(false), &["`platform` has no effect beside the <scannerMount> of the leg"]);
     let on =
         |platform: &str, name: &str| survey_of(others, &format!("platform='{platform}'"), &leg(name, ""));
     for (platform, name, message) in [

@@ -186,6 +186,10 @@ fn tables_that_are_no_pattern_are_refused_with_line_and_column() {
         ("", &["no row of numbers", "rows.csv"][..]),
         ("azimuth_deg,elevation_deg\n", &["no row of numbers"]),
         ("azimuth_deg,height\n1,2\n", &["no column `elevation`", "rows.csv:1"]),
+        (
+            "azimut_deg,elevation_deg\n1,2\n",
+            &["no column `azimuth`", "did you mean `azimuth` by `azimut_deg`?"],
+        ),
         ("azimuth,elevation,azimuth\n1,2,3\n", &["two columns `azimuth`"]),
         ("azimuth,elevation,zenith\n1,2,3\n", &["give either `elevation` or `zenith`"]),
         ("azimuth,elevation\n1,2\n3,nan\n", &["a finite number", "rows.csv:3:3"]),

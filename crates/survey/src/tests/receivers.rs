@@ -299,6 +299,20 @@ fn example(key: &str) -> &'static str {
 }
 
 #[test]
+fn a_bandwidth_without_noise_is_warned_of() {
+    for (keys, is_warned) in [
+        ("", true),
+        ("nep_w = 1e-9\n", false),
+        ("responsivity_a_per_w = 0.6\n", false),
+        ("[[scanner.channel]]\nnep_w = 1e-9\n", false),
+    ] {
+        let (_, warnings) = of_toml(&format!("bandwidth_hz = 1e8\n{keys}")).unwrap();
+        let text = warnings.text();
+        assert_eq!(text.contains("`bandwidth_hz` has no effect without noise"), is_warned, "{keys}: {text}");
+    }
+}
+
+#[test]
 fn field_of_view_and_corrected_points_are_read() {
     let expected = Receiver { field_of_view: Some(0.006), corrects_refraction: true, ..Receiver::default() };
     let keys = "receiver_fov_rad = 0.006\nrefraction_corrected = true\n";

@@ -392,6 +392,8 @@ fn limits_of_the_instrument_say_what_is_used() {
     contains(&of(&rotating, "verticalAngleMax_deg='30'"), &["is beyond the scan angle of 10 degrees"]);
     let fixed = format!("{}>", OPTICS[0]);
     contains(&of(&fixed, "headRotatePerSec_deg='9'"), &["has no effect: the scanner's head does not turn"]);
+    let wrong_head = format!("{}><headError expr='THETA'/>", OPTICS[0]);
+    contains(&of(&wrong_head, ""), &["has no effect because the head does not turn"]);
     let swinging = format!("{} scanProduct='400'>", OPTICS[1]);
     contains(&of(&swinging, "scanFreq_hz='50'"), &["the mirror swings with 40 Hz"]);
     contains(

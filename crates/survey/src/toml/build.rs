@@ -225,6 +225,9 @@ fn read_leg(
     settings.has_speed = table.has(keys.speed_m_per_s);
     table.set(keys.speed_m_per_s, &mut settings.speed);
     settings.mount = table.pose(keys.mount);
+    if table.has(keys.platform) && table.has_table(keys.mount) {
+        table.warn_of_effect(keys.platform, "beside `mount`");
+    }
     let other = named_asset(table, keys.platform, "platform").and_then(|e| read_platform(table.context, &e));
     if let Some((other, platform)) = other.zip(platform) {
         let mount = mount_of_other(table.context, &other, platform, table.place(keys.platform));

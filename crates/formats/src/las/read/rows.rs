@@ -6,6 +6,7 @@ use super::extra::ExtraDimension;
 use super::header::Header;
 use crate::{Attribute, AttributeSet, Columns, Misfits, PointDetails, PointRow};
 use vlscan_geom::DVec3;
+use vlscan_tables::plain;
 
 /// The extra dimension of this program's files with pulses without a return.
 const NAME_OF_MISSES: &str = "BeamDirectionX";
@@ -40,16 +41,20 @@ pub(super) struct RowFormat {
 
 impl RowFormat {
     /// The points of a file with this header and these extra dimensions, of which the selected attributes are
-    /// read. Returns also warnings about scales and offsets that are replaced.
+    /// read. Returns also warnings about scales and offsets that are replaced, and about dimensions that are
+    /// not read because others mean the same.
     pub fn new(
         header: &Header,
         extra: &[(String, ExtraDimension)],
         selection: Selection,
     ) -> (RowFormat, Vec<String>) {
-        let (shown, warnings) = match selection {
+        let (shown, mut warnings) = match selection {
             Selection::PositionAndClass => Default::default(),
             Selection::Attributes(_) | Selection::All => Shown::of(extra),
         };
+        if selection != Selection::PositionAndClass && !header.is_own() {
+            warnings.extend(extra.iter().filter_map(|(name, _)| like_a_field(name)));
+        }
         // A program that edits a file of this program names itself in the header and keeps the dimensions.
         let may_have_misses = header.is_own() || extra.iter().any(|(name, _)| name == NAME_OF_MISSES);
         let colour_at = match header.format {
@@ -156,7 +161,12 @@ impl RowFormat {
 impl Shown {
     fn of(all: &[(String, ExtraDimension)]) -> (Shown, Vec<String>) {
         let numbers: Vec<&(String, ExtraDimension)> = all.iter().filter(|(_, d)| d.is_number()).collect();
-        let columns = Columns::find(numbers.iter().map(|(name, _)| name.as_str()));
+        let names: Vec<&str> = numbers.iter().map(|(name, _)| name.as_str()).collect();
+        let columns = Columns::find(names.iter().copied()).only(&[
+            Attribute::Object,
+            Attribute::Channel,
+            Attribute::Path,
+        ]);
         let dimension = |attribute| columns.get(attribute).map(|column| numbers[column]);
         let intensity = numbers.iter().copied().find(|(name, _)| name == "heliosAmplitude");
         let (object, device) = (dimension(Attribute::Object), dimension(Attribute::Channel));
@@ -169,7 +179,8 @@ impl Shown {
                  are used instead"
             )
         };
-        let warnings = rescaled.map(warning).collect();
+        let repeated = columns.repeated(&names, "extra dimension");
+        let warnings = rescaled.map(warning).chain(repeated).collect();
         let shown = Shown {
             intensity: intensity.map(|(_, d)| *d),
             object: object.map(|(_, d)| *d),
@@ -177,5 +188,57 @@ impl Shown {
             path: path.map(|(_, d)| *d),
         };
         (shown, warnings)
+    }
+}
+
+/// Names of fields that all records have, in the form of [`plain`].
+const FIELDS: [&str; 9] = [
+    "intensity",
+    "classification",
+    "class",
+    "returnnumber",
+    "numberofreturns",
+    "scanangle",
+    "scananglerank",
+    "pointsourceid",
+    "gpstime",
+];
+
+/// A warning of an extra dimension with the name of a field of the records, which is read instead.
+fn like_a_field(name: &str) -> Option<String> {
+    let is_field = FIELDS.contains(&plain(name).as_str());
+    is_field.then(|| format!("its extra dimension {name:?} is not read: the field of this name is"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::extra::dimensions;
+    use super::*;
+
+    /// Extra dimensions of whole numbers with these names.
+    fn extra(names: &[&str]) -> Vec<(String, ExtraDimension)> {
+        let descriptor = |name: &&str| {
+            let mut bytes = [0; 192];
+            bytes[2] = 5;
+            bytes[4..4 + name.len()].copy_from_slice(name.as_bytes());
+            bytes
+        };
+        dimensions(&names.iter().flat_map(descriptor).collect::<Vec<u8>>(), 30)
+    }
+
+    #[test]
+    fn dimensions_that_mean_the_same_are_warned_of() {
+        let warnings = |names: &[&str]| Shown::of(&extra(names)).1;
+        let alike = "extra dimensions 1 (\"tree_id\") and 2 (\"instance\") both name an object";
+        let found = warnings(&["tree_id", "instance"]);
+        assert!(found.len() == 1 && found[0].starts_with(alike), "{found:?}");
+        assert!(warnings(&["device", "device"])[0].contains("both name the number of a channel"));
+        for names in
+            [&["hitObjectId", "Part"][..], &["device", "heliosAmplitude"], &["Amplitude", "Amplitude"]]
+        {
+            assert_eq!(warnings(names), [""; 0], "{names:?}");
+        }
+        assert!(like_a_field("Intensity").is_some() && like_a_field("gps_time").is_some());
+        assert_eq!((like_a_field("Amplitude"), like_a_field("treeID")), (None, None));
     }
 }

@@ -15,12 +15,12 @@ use crate::text::printable;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use vlscan_base::columns::{Separator, comma_note};
-use vlscan_base::diag::{Diagnostics, Place};
+use vlscan_base::diag::{Diagnostics, Place, nearest};
 use vlscan_base::files::reads;
 use vlscan_base::recognise::{Expected, foreign_file};
 use vlscan_survey::{MaterialDefinition, MeshReading};
 use vlscan_tables::input::read_file;
-use vlscan_tables::{Line, TextTable};
+use vlscan_tables::{Line, TextTable, did_you_mean};
 
 /// Name of the table that is searched next to a mesh file.
 const FILE_NAME: &str = "materials.csv";
@@ -134,15 +134,20 @@ fn read_heading(table: &TextTable, heading: &Line, diagnostics: &mut Diagnostics
     let repeated = (0..names.len()).find(|i| names[..*i].contains(&names[*i]));
     let is_known = |name: &str| COLUMNS.contains(&name) || OPTICAL_KEYS.contains(&name);
     let unknown = names.iter().position(|name| !is_known(name));
-    let (at, message) = match (repeated, unknown) {
-        (Some(i), _) => (Some(i), format!("duplicate column {}", names[i])),
+    let open = COLUMNS.iter().chain(&OPTICAL_KEYS).filter(|known| !names.iter().any(|name| name == *known));
+    let open: Vec<&str> = open.copied().collect();
+    let question = |i: usize| did_you_mean([&names[i]], |name| nearest(name, open.iter().copied()));
+    let (at, message, question) = match (repeated, unknown) {
+        (Some(i), _) => (Some(i), format!("duplicate column {}", names[i]), None),
         (None, Some(i)) => {
-            (Some(i), format!("expected a table of materials, found the column \"{}\"", names[i]))
+            let message = format!("expected a table of materials, found the column \"{}\"", names[i]);
+            (Some(i), message, question(i))
         }
         (None, None) if names.iter().any(|name| name == "name") => return Some(names),
-        (None, None) => (None, "expected a table of materials, found no column \"name\"".to_owned()),
+        (None, None) => (None, "expected a table of materials, found no column \"name\"".to_owned(), None),
     };
-    diagnostics.error(Some(table.place(heading, at)), message).help(HELP);
+    let help = question.unwrap_or_else(|| HELP.to_owned());
+    diagnostics.error(Some(table.place(heading, at)), message).help(help);
     None
 }
 

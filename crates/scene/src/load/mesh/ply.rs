@@ -60,6 +60,7 @@ fn read_mesh(bytes: &[u8], name: String, colours: bool) -> Result<RawMesh, PlyMe
             }
         }
     }
+    mesh.warnings.extend(repeated_properties(&header, &spelled.repeated, colours));
     if colours {
         mesh.warnings.extend(unread_colours(&header, &bytes[..spelled.body], &mesh));
     }
@@ -79,6 +80,29 @@ fn read_mesh(bytes: &[u8], name: String, colours: bool) -> Result<RawMesh, PlyMe
         return Err(PlyMeshError::NoFaces);
     }
     Ok(mesh)
+}
+
+/// Warnings of properties that mean the same, as sentences about the file; of colours if these are read.
+fn repeated_properties(header: &Header, repeated: &[(String, String)], colours: bool) -> Vec<String> {
+    let meaning = |name: &str| meaning_of(name).filter(|meaning| colours || !COLOUR.contains(meaning));
+    let same = repeated.iter().filter(|(_, name)| meaning(name).is_some()).map(|(element, name)| {
+        format!("an element {element} has several properties {name}, of which the first one is read")
+    });
+    let mut found: Vec<String> = same.collect();
+    for element in header.elements.values() {
+        let names: Vec<&str> = element.properties.values().map(|property| property.name.as_str()).collect();
+        for (i, name) in names.iter().enumerate() {
+            let own = meaning(name);
+            let earlier = names[..i].iter().find(|other| own.is_some() && meaning(other) == own);
+            if let Some(earlier) = earlier {
+                let of = &element.name;
+                found.push(format!(
+                    "the properties {earlier} and {name} of an element {of} mean the same; {name} is read"
+                ));
+            }
+        }
+    }
+    found
 }
 
 /// Warnings of colours that are not read, as sentences about the file.
@@ -176,6 +200,16 @@ fn read_text_element(numbers: &mut PlyNumbers, definition: &ElementDef) -> Resul
 fn component_of(name: &str) -> Option<usize> {
     let name = name.strip_prefix("diffuse_").unwrap_or(name);
     ["red", "green", "blue"].iter().position(|component| name.eq_ignore_ascii_case(component))
+}
+
+/// The meanings of the components of colours, see [`meaning_of`].
+const COLOUR: std::ops::Range<usize> = 3..6;
+
+/// A number that properties of one meaning share: coordinates, components of colours, corners of faces.
+fn meaning_of(name: &str) -> Option<usize> {
+    let coordinate = ["x", "y", "z"].iter().position(|axis| name.eq_ignore_ascii_case(axis));
+    let colour = || component_of(name).map(|component| COLOUR.start + component);
+    coordinate.or_else(colour).or_else(|| is_corners(name).then_some(COLOUR.end))
 }
 
 /// True if a list has the name of the corners of faces.

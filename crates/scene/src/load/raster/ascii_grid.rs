@@ -2,18 +2,15 @@
 //! them, so that they behave like other rasters.
 
 use super::error::GridError;
+use super::keys::prj_text;
 use std::io::Cursor;
 use std::path::Path;
 use tiff::encoder::TiffEncoder;
 use tiff::encoder::colortype::Gray32Float;
 use tiff::tags::Tag;
 use vlscan_base::columns::comma_note;
-use vlscan_base::files::reads;
 use vlscan_crs as crs;
-use vlscan_tables::input::read_file;
 
-/// Maximum size of a `.prj` file, bytes.
-const MAX_PRJ_BYTES: u64 = 1 << 16;
 /// Maximum number of cells, so that the raster is a TIFF file of 32-bit offsets.
 const MAX_CELLS: usize = 1 << 29;
 
@@ -40,43 +37,33 @@ struct Grid<'t> {
 }
 
 /// The bytes of a GeoTIFF with the heights of the grid in `text`. A `.prj` file beside `path` names its
-/// system.
+/// system and the units.
 ///
 /// # Errors
 /// Problem of a grid, with its line.
 pub(super) fn geotiff(text: &[u8], path: &Path) -> Result<Vec<u8>, GridError> {
     let text = std::str::from_utf8(text).map_err(|_| GridError::NotText)?;
     let grid = Grid::read(text.trim_start_matches('\u{feff}'))?;
-    encoded(&grid, &keys(path)?).map_err(GridError::Encoding)
+    let wkt = prj_text(path).filter(|text| crs::is_wkt(text)).unwrap_or_default();
+    encoded(&grid, &keys(&wkt), &wkt).map_err(GridError::Encoding)
 }
 
-/// The keys of the system in the `.prj` file: those of its code, or that its coordinates are degrees. A
-/// system without a code is read from the file itself.
-fn keys(path: &Path) -> Result<Vec<[u16; 4]>, GridError> {
-    let mut keys = Vec::new();
-    let prj =
-        ["prj", "PRJ"].map(|ending| path.with_extension(ending)).into_iter().find(|prj| reads::is_file(prj));
-    let bytes = prj.as_ref().and_then(|prj| read_file(prj, MAX_PRJ_BYTES).ok()).unwrap_or_default();
-    let wkt = String::from_utf8_lossy(&bytes);
-    match crs::projected_epsg(&wkt) {
-        _ if !crs::is_wkt(&wkt) => {}
+/// The keys of a system in WKT: those of its code, or that its coordinates are degrees. A system without a
+/// code is read from the `.prj` file itself.
+fn keys(wkt: &str) -> Vec<[u16; 4]> {
+    let mut keys = vec![[RASTER_TYPE, 0, 1, PIXEL_IS_AREA]];
+    match crs::projected_epsg(wkt) {
         Some(code) => keys.extend([[MODEL_TYPE, 0, 1, PROJECTED_MODEL], [PROJECTED_SYSTEM, 0, 1, code]]),
-        None if wkt.trim_start().to_ascii_uppercase().starts_with("GEOG") => {
+        None if crs::Units::of_wkt(wkt).horizontal == Some(crs::Unit::Angle) => {
             keys.push([MODEL_TYPE, 0, 1, GEOGRAPHIC_MODEL]);
         }
-        None => {
-            if let Some(problem) = crs::unit_problem(&wkt) {
-                let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-                return Err(GridError::System { problem, name });
-            }
-        }
+        None => {}
     }
-    keys.push([RASTER_TYPE, 0, 1, PIXEL_IS_AREA]);
     keys.sort_unstable();
-    Ok(keys)
+    keys
 }
 
-fn encoded(grid: &Grid, keys: &[[u16; 4]]) -> tiff::TiffResult<Vec<u8>> {
+fn encoded(grid: &Grid, keys: &[[u16; 4]], wkt: &str) -> tiff::TiffResult<Vec<u8>> {
     let mut file = Cursor::new(Vec::new());
     let mut encoder = TiffEncoder::new(&mut file)?;
     let size = |count: usize| u32::try_from(count).map_err(|_| tiff::TiffError::IntSizeError);
@@ -88,6 +75,11 @@ fn encoded(grid: &Grid, keys: &[[u16; 4]]) -> tiff::TiffResult<Vec<u8>> {
     let head = [1, 1, 0, keys.len() as u16];
     let words: Vec<u16> = head.into_iter().chain(keys.iter().copied().flatten()).collect();
     tags.write_tag(Tag::GeoKeyDirectoryTag, &words[..])?;
+    if !wkt.is_empty() {
+        // As programs of ESRI do: the units of heights and of systems without a code are in the text.
+        let plain: String = wkt.chars().map(|c| if matches!(c, ' '..='~') { c } else { ' ' }).collect();
+        tags.write_tag(Tag::GeoAsciiParamsTag, plain.as_str())?;
+    }
     if let Some(no_data) = grid.no_data {
         tags.write_tag(Tag::GdalNodata, no_data)?;
     }

@@ -384,14 +384,6 @@ pub enum GridError {
         /// Number of heights.
         found: usize,
     },
-    /// A system of coordinates that cannot be used.
-    #[error("{problem} (its .prj file); gdalwarp -t_srs EPSG:25832 {name} out.tif projects it")]
-    System {
-        /// Problem of the system.
-        problem: String,
-        /// Name of the grid's file.
-        name: String,
-    },
     /// Heights that cannot be stored.
     #[error("it cannot be used: {0}")]
     Encoding(#[source] TiffError),
@@ -440,7 +432,6 @@ impl Problem for GridError {
         match self {
             GridError::Truncated { .. } => ProblemKind::Truncated,
             GridError::TooLarge { .. } => ProblemKind::TooLarge,
-            GridError::System { .. } => ProblemKind::Unsupported,
             _ => ProblemKind::Invalid,
         }
     }

@@ -79,9 +79,7 @@ impl System {
             let numbers = doubles(directory, Tag::GeoDoubleParamsTag)?.unwrap_or_default();
             return Ok(System::Defined(citation(directory).unwrap_or_default(), numbers));
         }
-        let prj = path.with_extension("prj");
-        let text = reads::is_file(&prj).then(|| read_file(&prj, MAX_PRJ_BYTES).ok()).flatten();
-        Ok(text.map_or(System::Unknown, |text| System::of_wkt(&String::from_utf8_lossy(&text))))
+        Ok(prj_text(path).map_or(System::Unknown, |text| System::of_wkt(&text)))
     }
 
     /// The system of a text: WKT or a code such as `EPSG:25832`.
@@ -106,6 +104,14 @@ impl System {
     }
 }
 
+/// The text of the `.prj` file beside a raster.
+pub(super) fn prj_text(path: &Path) -> Option<String> {
+    let files = ["prj", "PRJ"].map(|ending| path.with_extension(ending));
+    let prj = files.into_iter().find(|prj| reads::is_file(prj))?;
+    let bytes = read_file(&prj, MAX_PRJ_BYTES).ok()?;
+    Some(String::from_utf8_lossy(&bytes).trim_start_matches('\u{feff}').to_owned())
+}
+
 /// True if the system is one of longitude and latitude; `None` if the keys do not state it.
 pub(super) fn is_geographic(directory: &mut Directory) -> Option<bool> {
     key(directory, MODEL_TYPE_KEY).ok().flatten().map(|kind| kind == MODEL_IS_GEOGRAPHIC)
@@ -121,8 +127,12 @@ fn epsg(directory: &mut Directory, system: u16) -> Option<u16> {
 }
 
 /// The unit of easting and northing: that of its key, else that of the system, else that of WKT in the
-/// citation. `None` if the keys name no projected system; the error is a unit that is not known.
-pub(super) fn horizontal_unit(directory: &mut Directory) -> Result<Option<LengthUnit>, RasterError> {
+/// citation or beside the raster at `path`. `None` if nothing names a projected system; the error is a unit
+/// that is not known.
+pub(super) fn horizontal_unit(
+    directory: &mut Directory,
+    path: &Path,
+) -> Result<Option<LengthUnit>, RasterError> {
     let code = key(directory, PROJECTED_UNIT_KEY)?.filter(|&code| code > 0);
     if let Some(code) = code.filter(|&code| code != USER_DEFINED) {
         let unit = LengthUnit::of_epsg(code);
@@ -134,7 +144,7 @@ pub(super) fn horizontal_unit(directory: &mut Directory) -> Result<Option<Length
     let of_system = |code: u16| crs::length_unit(code.into());
     let unit = match own_unit(directory)? {
         Some(unit) => Some(unit),
-        None => system.and_then(of_system).or_else(|| crs::length_unit_in(&citation(directory)?)),
+        None => system.and_then(of_system).or_else(|| length_in(&text_of_system(directory, path)?)),
     };
     match (unit, code, system) {
         (Some(unit), ..) => Ok(Some(unit)),
@@ -171,16 +181,41 @@ fn citation(directory: &mut Directory) -> Option<String> {
     directory.get_tag_ascii_string(Tag::GeoAsciiParamsTag).ok()
 }
 
-/// The part of a citation that begins with a system of heights in WKT.
-fn heights_in(citation: &str) -> Option<&str> {
-    let starts = ["VERTCS[", "VERT_CS[", "VERTCRS["];
-    starts.iter().find_map(|start| citation.find(start)).map(|at| &citation[at..])
+/// The text that may have WKT: the citation, else that of the `.prj` file, if no keys state a system.
+fn text_of_system(directory: &mut Directory, path: &Path) -> Option<String> {
+    citation(directory).or_else(|| match key(directory, MODEL_TYPE_KEY) {
+        Ok(None) => prj_text(path),
+        _ => None,
+    })
+}
+
+/// The unit of easting and northing of a text: WKT, a citation with WKT in it, or a code such as
+/// `EPSG:25832`.
+pub(super) fn length_in(text: &str) -> Option<LengthUnit> {
+    if let Some(code) = crs::parse_epsg(text) {
+        return crs::length_unit(code);
+    }
+    let of_wkt = crs::Units::of_wkt(text).horizontal.and_then(|unit| unit.length().cloned());
+    of_wkt.or_else(|| crs::length_unit_in(text))
+}
+
+/// The unit of heights of a text with a system of heights in WKT.
+pub(super) fn height_unit_in(text: &str) -> Option<LengthUnit> {
+    crs::Units::of_wkt(heights_in(text)?).vertical?.length().cloned()
+}
+
+/// The part of a text that begins with a system of heights in WKT.
+fn heights_in(text: &str) -> Option<&str> {
+    let starts = ["VERTCS[", "VERT_CS[", "VERTCRS[", "VERTICALCRS["];
+    starts.iter().find_map(|start| text.find(start)).map(|at| &text[at..])
 }
 
 /// The unit of heights: that of the metadata, else that of its key, else that of the system, else that of WKT
-/// in the citation. `None` if nothing is said about heights; the error is a unit that is not known.
+/// in the citation or beside the raster at `path`. `None` if nothing is said about heights; the error is a
+/// unit that is not known.
 pub(super) fn vertical_unit(
     directory: &mut Directory,
+    path: &Path,
     band: &BandMetadata,
 ) -> Result<Option<LengthUnit>, RasterError> {
     if let Some(name) = band.unit.as_deref().map(str::trim).filter(|name| !name.is_empty()) {
@@ -197,8 +232,8 @@ pub(super) fn vertical_unit(
             .ok_or_else(|| no_unit(format!("the unit of its heights (EPSG code {code}) is not known")));
     }
     let system = key(directory, VERTICAL_SYSTEM_KEY)?;
-    let in_citation = |text: &str| crs::Units::of_wkt(heights_in(text)?).vertical?.length().cloned();
-    let unit = system.and_then(LengthUnit::of_heights).or_else(|| in_citation(&citation(directory)?));
+    let unit = system.and_then(LengthUnit::of_heights);
+    let unit = unit.or_else(|| height_unit_in(&text_of_system(directory, path)?));
     if unit.is_none() && (code.is_some() || system == Some(USER_DEFINED)) {
         return Err(no_unit(
             "the unit of its heights (key 4099) is user-defined or missing, and so is their system",
@@ -208,12 +243,12 @@ pub(super) fn vertical_unit(
 }
 
 /// The name of the system of heights if it is one of depths: its numbers grow downwards.
-pub(super) fn system_of_depths(directory: &mut Directory) -> Option<String> {
+pub(super) fn system_of_depths(directory: &mut Directory, path: &Path) -> Option<String> {
     if let Some(code) = epsg(directory, VERTICAL_SYSTEM_KEY) {
         return DEPTHS.contains(&code).then(|| format!("EPSG:{code}"));
     }
-    let citation = citation(directory)?;
-    let system = heights_in(&citation)?;
+    let text = text_of_system(directory, path)?;
+    let system = heights_in(&text)?;
     let plain = system.to_ascii_uppercase().replace(' ', "");
     let is_down = [",DOWN]", ",DOWN,", "\"DIRECTION\",-1"].iter().any(|sign| plain.contains(sign));
     is_down.then(|| crs::name(system))

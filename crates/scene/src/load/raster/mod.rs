@@ -130,7 +130,7 @@ pub(crate) fn crs_of(files: &RasterFiles) -> Option<(String, PathBuf)> {
             System::Epsg(code) => crs::wkt_of_epsg(code.into()).ok()?,
             _ => text.clone(),
         };
-        let is_metric = crs::length_unit_in(&wkt).is_none_or(|unit| unit.is_metre());
+        let is_metric = keys::length_in(&wkt).is_none_or(|unit| unit.is_metre());
         return (is_metric && crs::is_wkt(&wkt)).then(|| (wkt, named(files).clone()));
     }
     let first = files.all().get(usize::from(matches!(files, RasterFiles::Virtual(_))))?;

@@ -92,9 +92,13 @@ impl TiffFile {
 }
 
 fn fixture(bytes: Vec<u8>) -> Fixture {
+    fixture_named("dem.tif", bytes)
+}
+
+fn fixture_named(name: &str, bytes: Vec<u8>) -> Fixture {
     let mut f = Fixture::new();
     f.options.triangulate_rasters = true;
-    let file = f.file("dem.tif", bytes);
+    let file = f.file(name, bytes);
     f.part(Loader::GeoTiff { files: file.into(), material: MaterialChoice::default() });
     f
 }
@@ -189,6 +193,34 @@ fn coordinates_in_feet_become_metres_with_a_warning() {
     let metres =
         TiffFile::new(3, &HEIGHTS).with(34735, geo_keys(&[(3072, 25832), (3076, 9001), (4099, 9001)]));
     warned(metres, &[]);
+}
+
+#[test]
+fn units_of_a_prj_file_count_like_those_of_keys() {
+    let foot = 0.304_800_609_601_219_2;
+    let utm = vlscan_crs::wkt_of_epsg(25832).unwrap();
+    let feet = "PROJCS[\"mine\",GEOGCS[\"GCS\",UNIT[\"Degree\",0.0174532925199433]],UNIT[\"Foot\",0.3048]]";
+    let heights = format!("[\"h\",VERT_DATUM[\"d\",2005],UNIT[\"Foot_US\",{foot}]]");
+    let grid = "ncols 3\nnrows 2\nxllcorner 100\nyllcorner 46\ncellsize 2\n10 11 12\n20 21 22\n";
+    let files =
+        [("dem.asc", grid.as_bytes().to_vec(), 49.0), ("dem.tif", TiffFile::new(3, &HEIGHTS).bytes(), 48.0)];
+    for (prj, warning, scale) in [
+        (feet.to_owned(), "its coordinates are feet, so are its heights", [0.3048; 3]),
+        (format!("{feet},VERTCS{heights}"), "are feet, its heights US survey feet", [0.3048, 0.3048, foot]),
+        (format!("{utm},VERTCS{heights}"), "its heights are US survey feet", [1.0, 1.0, foot]),
+        (format!("COMPD_CS[\"both\",{utm},VERT_CS{heights}]"), "its heights are US", [1.0, 1.0, foot]),
+        ("EPSG:2222".to_owned(), "its coordinates are feet", [0.3048; 3]),
+    ] {
+        for (name, bytes, y) in &files {
+            let f = fixture_named(name, bytes.clone());
+            f.file("dem.prj", prj.as_bytes());
+            let (scene, warnings) = f.load().unwrap_or_else(|e| panic!("{}", report(&e)));
+            assert!(warnings.text().contains(warning), "{name} {prj}: {}", warnings.text());
+            let expected = DVec3::new(101.0, *y, 10.0) * DVec3::from(scale);
+            let found = mesh(&scene).0[0];
+            assert!((found - expected).length() < 1e-9, "{name} {prj}: {found} is not {expected}");
+        }
+    }
 }
 
 #[test]

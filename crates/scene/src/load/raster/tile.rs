@@ -170,7 +170,7 @@ fn directory<'a>(path: &Path, open: &'a OpenFile) -> Result<Directory<'a>, Raste
 pub(super) fn projected_epsg(path: &Path) -> Option<u16> {
     let (_, open) = RasterFile::find(path).ok()?;
     let mut directory = directory(path, &open).ok()?;
-    let unit = keys::horizontal_unit(&mut directory).ok().flatten();
+    let unit = keys::horizontal_unit(&mut directory, path).ok().flatten();
     keys::projected_epsg(&mut directory).filter(|_| unit.is_none_or(|unit| unit.is_metre()))
 }
 
@@ -190,11 +190,11 @@ fn describe(file: RasterFile, open: &OpenFile) -> Result<Raster, RasterError> {
     let band = keys::band_metadata(&mut directory)?;
     let horizontal = match is_geographic {
         true => None,
-        false => accept(keys::horizontal_unit(&mut directory), METRES),
+        false => accept(keys::horizontal_unit(&mut directory, file.path()), METRES),
     };
     let used = horizontal.as_ref().map_or(METRES, |unit| &unit.name);
-    let vertical = accept(keys::vertical_unit(&mut directory, &band), used);
-    if let Some(system) = keys::system_of_depths(&mut directory) {
+    let vertical = accept(keys::vertical_unit(&mut directory, file.path(), &band), used);
+    if let Some(system) = keys::system_of_depths(&mut directory, file.path()) {
         warnings.push(format!(
             "its heights are in a system of depths ({system}), whose numbers grow downwards, and are taken \
              as heights, which grow upwards; if they are depths, `gdal_calc.py -A in.tif --calc=-A \

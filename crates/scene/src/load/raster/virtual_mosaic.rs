@@ -2,7 +2,7 @@
 
 use super::blocks::Window;
 use super::georeference::Georeference;
-use super::keys::{LengthUnit, System};
+use super::keys::{self, LengthUnit, System};
 use super::mosaic::{
     ALIGN, Misalignment, Misplaced, Mosaic, Tile, UNPLACED, bands, check_same, differ, metres, scaled,
     start_in, whole,
@@ -176,9 +176,10 @@ fn units_of(raster: &VirtualRaster, first: &Raster, warnings: &mut Vec<String>) 
     let [horizontal, vertical] = first.units.clone();
     let horizontal = horizontal.or_else(|| match System::of_wkt(raster.crs.as_deref()?) {
         System::Epsg(code) => vlscan_crs::length_unit(code.into()),
-        System::Defined(text, _) => vlscan_crs::length_unit_in(&text),
+        System::Defined(text, _) => keys::length_in(&text),
         System::Unknown => None,
     });
+    let vertical = vertical.or_else(|| keys::height_unit_in(raster.crs.as_deref()?));
     let Some(name) = &raster.unit else { return [horizontal, vertical] };
     let own = LengthUnit::of_name(name);
     if own.is_none() {

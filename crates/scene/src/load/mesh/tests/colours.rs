@@ -233,6 +233,14 @@ fn colours_that_are_not_read_are_warned_of() {
         (ply("", "", "", ""), ""),
         (ply(&bytes, "", "", " 1 2 3"), ""),
         (ply(&wide, "", "", " 1 2 3"), ""),
+        (
+            ply(&format!("{bytes}property uchar diffuse_red\n"), "", "", " 1 2 3 4"),
+            "the properties red and diffuse_red of an element vertex mean the same; diffuse_red is read",
+        ),
+        (
+            ply(&format!("{bytes}property uchar red\n"), "", "", " 1 2 3 4"),
+            "an element vertex has several properties red, of which the first one is read",
+        ),
         (ply("property uchar red\n", "", "", " 1"), "the colours of its vertices are not read"),
         (ply("", &bytes, "", ""), "the colours of its faces are not read"),
         (ply("", "", "comment TextureFile t.png\n", ""), "its texture is not read"),

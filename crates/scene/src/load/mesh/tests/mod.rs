@@ -172,6 +172,7 @@ fn tables_give_materials_their_properties_by_name() {
 
     for (table, message) in [
         ("name,colour\nroof,red\n", "the column \"colour\""),
+        ("name,reflectence\nroof,0.5\n", "did you mean `reflectance` by `reflectence`?"),
         ("reflectance\n0.5\n", "no column \"name\""),
         ("name,reflectance\nroof,25\n", "expected a reflectance from 0 to 1, found \"25\""),
         ("name,class\nroof,256\n", "expected a class from 0 to 255"),
