@@ -102,6 +102,23 @@ impl Session {
         });
         Ok(starts.collect())
     }
+
+    /// GPS time at which a flight with weather over time ends, s of the week. `None` for flights without such
+    /// weather, recorded flights, and flights of more than 100 million steps.
+    ///
+    /// # Errors
+    /// As for [`Session::plan_flight`].
+    pub(in super::super) fn end_of_weather_flight(&self) -> Result<Option<f64>> {
+        let survey = self.survey();
+        let is_recorded =
+            matches!(survey.platform.kind, PlatformKind::Interpolated(_) | PlatformKind::Stream(_));
+        if is_recorded || survey.legs.iter().all(|leg| leg.scanner.weather.over_time.is_none()) {
+            return Ok(None);
+        }
+        let (flight, _) = self.plan_flight_quietly()?;
+        let start = self.settings().flight.gps_start_ns / 1e9;
+        Ok(step_through(&flight, &Stop::new())?.map(|timeline| start + timeline.seconds()))
+    }
 }
 
 /// Steps through the flight; `None` if it has too many steps.
