@@ -317,6 +317,7 @@ fn tables_of_objects_that_cannot_be_are_refused() {
         (&["--objects", "none.csv"], "none.csv"),
         (&["--skewed-objects"], "--objects"),
         (&["--category", "300=Car"], "CLASS=NAME"),
+        (&["--category", "64=Car", "--strict"], "KITTI names the classes of boxes only"),
         (&["--objects", "other.csv", "--strict"], "no point of a.mcap"),
         (&["--objects", "late.csv", "--strict"], "of a.mcap are older than the first poses of this table"),
     ] {

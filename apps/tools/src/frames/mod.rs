@@ -27,6 +27,7 @@ use boxes::{BoxTable, FrameBox, boxes};
 use categories::Names;
 use objects::Objects;
 use placed::{PlacedFrame, PlacedPoint, place};
+use std::collections::BTreeSet;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use vlscan_base::Observer;
@@ -158,6 +159,46 @@ impl Intensities {
     }
 }
 
+/// Classes whose names are written.
+#[derive(Debug, Default)]
+struct NamedClasses(BTreeSet<i64>);
+
+impl NamedClasses {
+    /// Adds those of a frame: of its boxes, in nuScenes also of its points.
+    fn add(&mut self, frame: &PlacedFrame, boxes: Option<&[FrameBox]>, layout: FrameLayout) {
+        self.0.extend(boxes.into_iter().flatten().map(|one| one.track.class));
+        if layout == FrameLayout::Nuscenes {
+            self.0.extend(frame.points.iter().map(|point| point.class));
+        }
+    }
+
+    /// A warning if names are chosen for other classes.
+    fn doubts(&self, name: &Path, options: &FrameOptions) -> Diagnostics {
+        let mut found = Diagnostics::default();
+        let ObjectOptions { objects, categories, .. } = &options.objects;
+        let unused = categories.iter().filter(|category| !self.0.contains(&i64::from(category.class)));
+        let unused: Vec<String> =
+            unused.map(|category| format!("{}={}", category.class, category.name)).collect();
+        if unused.is_empty() {
+            return found;
+        }
+        let (why, help) = match (options.layout, objects) {
+            (FrameLayout::Kitti, None) => {
+                ("KITTI names the classes of boxes only", "add boxes with --objects objects.csv".to_owned())
+            }
+            (FrameLayout::Kitti, Some(_)) => ("no box is of such a class", classes_help(name)),
+            (FrameLayout::Nuscenes, _) => ("no point is of such a class", classes_help(name)),
+        };
+        let message = format!("--category {} has no effect: {why}", unused.join(", "));
+        found.warn(Some(Place::of_file(name)), message).help(help);
+        found
+    }
+}
+
+fn classes_help(name: &Path) -> String {
+    format!("`vlscan info {}` lists the classes of the points", name.display())
+}
+
 /// A positive number with two digits, not above it.
 fn rounded_down(value: f64) -> String {
     let unit = libm::exp10(libm::floor(libm::log10(value)) - 1.0);
@@ -165,8 +206,9 @@ fn rounded_down(value: f64) -> String {
 }
 
 /// Writes the frames of an MCAP file to a folder; `name` is that of the source in messages. One frame is in
-/// memory at a time. The data set appears when it is complete. Intensities that the layout does not have, and
-/// a table of objects of which there are no points, or older ones, are reported to `observer`.
+/// memory at a time. The data set appears when it is complete. Intensities that the layout does not have,
+/// names of classes that are not written, and a table of objects of which there are no points, or older ones,
+/// are reported to `observer`.
 ///
 /// # Errors
 /// [`Error::Io`]; [`Error::Input`] for a source that is not an MCAP file with points and poses, for a
@@ -190,6 +232,7 @@ pub fn write_frames(
     let mut table = objects.as_ref().map(|_| BoxTable::begin(writer.table_folder())).transpose()?;
     let (mut counts, mut early) = (FrameCounts::default(), 0);
     let mut intensities = Intensities { min: f32::INFINITY, max: f32::NEG_INFINITY, beyond: 0 };
+    let mut named = NamedClasses::default();
     let (_, most) = options.layout.intensities();
     read_frames(source, name, &mut |frame| {
         let mut placed = place(&frame, options.forward, options.intensity_factor).ok_or_else(|| {
@@ -205,12 +248,16 @@ pub fn write_frames(
             counts.boxes += found.len() as u64;
             early += found.iter().map(|one| one.early).sum::<u64>();
         }
+        if !requested.categories.is_empty() {
+            named.add(&placed, found.as_deref(), options.layout);
+        }
         writer.frame(&placed, found.as_deref())
     })?;
     if counts.frames == 0 {
         return Err(Error::input(format!("{}: it contains no point messages", name.display())));
     }
     let mut found = intensities.doubts(name, options);
+    found.extend(named.doubts(name, options));
     let name = name.display();
     let problem = match (counts.boxes, early) {
         (0, _) => Some(format!("no point of {name} is of an object of this table")),
@@ -288,5 +335,24 @@ mod tests {
         assert!(said(nuscenes, &[510.0], 1.0).contains("--intensity-factor 4.9e-1"));
         assert!(said(nuscenes, &[-1.0], 1.0).contains("1 point lies beyond"));
         assert!(said(kitti, &[f32::NAN], 1.0).contains("1 point lies"));
+    }
+
+    #[test]
+    fn names_of_classes_that_are_not_written_are_told() {
+        let said = |layout, objects: Option<&str>, classes: &[i64]| {
+            let categories = ["64=Car", "65=Van"].map(|text| text.parse().unwrap()).to_vec();
+            let objects = objects.map(PathBuf::from);
+            let objects = ObjectOptions { objects, skewed_objects: false, categories };
+            let options =
+                FrameOptions { layout, forward: ForwardAxis::X, sequence: 0, intensity_factor: 1.0, objects };
+            let named = NamedClasses(classes.iter().copied().collect());
+            named.doubts(Path::new("a.mcap"), &options).text()
+        };
+        let (kitti, nuscenes) = (FrameLayout::Kitti, FrameLayout::Nuscenes);
+        assert_eq!(said(nuscenes, None, &[64, 65, 6]), "");
+        assert!(said(nuscenes, None, &[65]).contains("--category 64=Car has no effect: no point"));
+        assert!(said(kitti, Some("o.csv"), &[64]).contains("--category 65=Van has no effect: no box"));
+        let both = said(kitti, None, &[]);
+        assert!(both.contains("64=Car, 65=Van has no effect") && both.contains("--objects"), "{both}");
     }
 }
