@@ -199,6 +199,37 @@ fn classes_help(name: &Path) -> String {
     format!("`vlscan info {}` lists the classes of the points", name.display())
 }
 
+/// A warning if a number of a sequence is chosen for a layout without such numbers.
+fn unused_sequence(options: &FrameOptions) -> Diagnostics {
+    let mut found = Diagnostics::default();
+    if options.layout == FrameLayout::Nuscenes && options.sequence != 0 {
+        let message = format!("--sequence {} has no effect: nuScenes has no sequences", options.sequence);
+        found.warn(None, message).help("leave it out, or use --layout kitti");
+    }
+    found
+}
+
+/// A warning if a table of objects is of another run than the points of `name`, of which there are `boxes`,
+/// and points before the first poses and after the last ones.
+fn table_doubts(table: &Path, name: &Path, boxes: u64, [early, late]: [u64; 2]) -> Diagnostics {
+    let mut found = Diagnostics::default();
+    let name = name.display();
+    let message = match (boxes, early, late) {
+        (0, ..) => format!("no point of {name} is of an object of this table"),
+        (_, 0, 0) => return found,
+        (_, 0, late) => {
+            format!("{late} points of objects of {name} are newer than the last poses of this table")
+        }
+        (_, early, _) => {
+            format!("{early} points of objects of {name} are older than the first poses of this table")
+        }
+    };
+    found
+        .warn(Some(Place::of_file(table)), message)
+        .help("write the table with the points: vlscan run -o points.mcap --objects objects.csv");
+    found
+}
+
 /// A positive number with two digits, not above it.
 fn rounded_down(value: f64) -> String {
     let unit = libm::exp10(libm::floor(libm::log10(value)) - 1.0);
@@ -207,8 +238,8 @@ fn rounded_down(value: f64) -> String {
 
 /// Writes the frames of an MCAP file to a folder; `name` is that of the source in messages. One frame is in
 /// memory at a time. The data set appears when it is complete. Intensities that the layout does not have,
-/// names of classes that are not written, and a table of objects of which there are no points, or older ones,
-/// are reported to `observer`.
+/// names of classes that are not written, and a table of objects of which there are no points, or points of
+/// other times, are reported to `observer`.
 ///
 /// # Errors
 /// [`Error::Io`]; [`Error::Input`] for a source that is not an MCAP file with points and poses, for a
@@ -230,7 +261,7 @@ pub fn write_frames(
         FrameLayout::Nuscenes => Box::new(nuscenes::Nuscenes::begin(folder, names, &mut group)?),
     };
     let mut table = objects.as_ref().map(|_| BoxTable::begin(writer.table_folder())).transpose()?;
-    let (mut counts, mut early) = (FrameCounts::default(), 0);
+    let (mut counts, mut early, mut late) = (FrameCounts::default(), 0, 0);
     let mut intensities = Intensities { min: f32::INFINITY, max: f32::NEG_INFINITY, beyond: 0 };
     let mut named = NamedClasses::default();
     let (_, most) = options.layout.intensities();
@@ -247,6 +278,7 @@ pub fn write_frames(
             table.frame(found)?;
             counts.boxes += found.len() as u64;
             early += found.iter().map(|one| one.early).sum::<u64>();
+            late += found.iter().map(|one| one.late).sum::<u64>();
         }
         if !requested.categories.is_empty() {
             named.add(&placed, found.as_deref(), options.layout);
@@ -258,18 +290,9 @@ pub fn write_frames(
     }
     let mut found = intensities.doubts(name, options);
     found.extend(named.doubts(name, options));
-    let name = name.display();
-    let problem = match (counts.boxes, early) {
-        (0, _) => Some(format!("no point of {name} is of an object of this table")),
-        (_, 0) => None,
-        _ => {
-            Some(format!("{early} points of objects of {name} are older than the first poses of this table"))
-        }
-    };
-    if let (Some(path), Some(message)) = (requested.objects.as_deref(), problem) {
-        found
-            .warn(Some(Place::of_file(path)), message)
-            .help("write the table with the points: vlscan run -o points.mcap --objects objects.csv");
+    found.extend(unused_sequence(options));
+    if let Some(path) = &requested.objects {
+        found.extend(table_doubts(path, name, counts.boxes, [early, late]));
     }
     observer.warnings(found)?;
     table.map_or(Ok(()), BoxTable::finish)?;
@@ -338,7 +361,7 @@ mod tests {
     }
 
     #[test]
-    fn names_of_classes_that_are_not_written_are_told() {
+    fn names_of_classes_and_sequences_that_are_not_written_are_told() {
         let said = |layout, objects: Option<&str>, classes: &[i64]| {
             let categories = ["64=Car", "65=Van"].map(|text| text.parse().unwrap()).to_vec();
             let objects = objects.map(PathBuf::from);
@@ -352,6 +375,13 @@ mod tests {
         assert_eq!(said(nuscenes, None, &[64, 65, 6]), "");
         assert!(said(nuscenes, None, &[65]).contains("--category 64=Car has no effect: no point"));
         assert!(said(kitti, Some("o.csv"), &[64]).contains("--category 65=Van has no effect: no box"));
+        let sequence = |layout, sequence| {
+            let (forward, objects) = (ForwardAxis::X, ObjectOptions::default());
+            unused_sequence(&FrameOptions { layout, forward, sequence, intensity_factor: 1.0, objects })
+                .text()
+        };
+        assert!(sequence(nuscenes, 3).contains("--sequence 3 has no effect"));
+        assert_eq!((sequence(kitti, 3), sequence(nuscenes, 0)), (String::new(), String::new()));
         let both = said(kitti, None, &[]);
         assert!(both.contains("64=Car, 65=Van has no effect") && both.contains("--objects"), "{both}");
     }
