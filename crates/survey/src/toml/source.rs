@@ -30,8 +30,8 @@ const MAX_FILE_BYTES: u64 = 1 << 24;
 /// Maximum number of reported problems of one file.
 const MAX_PROBLEMS: usize = 200;
 
-/// Tables that have a key of this name: those with headers, such as `[settings]`, else those within them, such
-/// as `weather` of `[settings]`. `None` if there are none.
+/// Tables that have a key of this name: those with headers, such as `[settings]`, else those within them,
+/// such as `weather` of `[settings]`. `None` if there are none.
 fn tables_with(key: &str) -> Option<String> {
     let headed = headed_tables_with(key);
     if !headed.is_empty() {
