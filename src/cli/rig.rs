@@ -152,8 +152,8 @@ fn different_starts(file: &Path, times: &[Times]) -> Diagnostics {
         );
         found.warn(Some(Place::of_file(file)), message).help(
             "a leg lasts until the platform arrives and the head is at `head_stop_deg`, in whole pulse \
-             periods: choose a `head_stop_deg` that the head reaches before the platform arrives, or fly a \
-             `[trajectory]`, whose times hold for all scanners",
+             periods: leave `head_stop_deg` out, choose one that the head reaches before the platform \
+             arrives, or fly a `[trajectory]`, whose times hold for all scanners",
         );
     }
     found
