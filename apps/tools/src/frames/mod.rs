@@ -363,7 +363,7 @@ mod tests {
     #[test]
     fn names_of_classes_and_sequences_that_are_not_written_are_told() {
         let said = |layout, objects: Option<&str>, classes: &[i64]| {
-            let categories = ["64=Car", "65=Van"].map(|text| text.parse().unwrap()).to_vec();
+            let categories: Vec<Category> = ["64=Car", "65=Van"].map(|text| text.parse().unwrap()).to_vec();
             let objects = objects.map(PathBuf::from);
             let objects = ObjectOptions { objects, skewed_objects: false, categories };
             let options =
