@@ -199,12 +199,13 @@ fn classes_help(name: &Path) -> String {
     format!("`vlscan info {}` lists the classes of the points", name.display())
 }
 
-/// A warning if a number of a sequence is chosen for a layout without such numbers.
-fn unused_sequence(options: &FrameOptions) -> Diagnostics {
+/// A warning if a number of a sequence is chosen for a layout without such numbers; `name` is that of the
+/// source.
+fn unused_sequence(name: &Path, options: &FrameOptions) -> Diagnostics {
     let mut found = Diagnostics::default();
     if options.layout == FrameLayout::Nuscenes && options.sequence != 0 {
         let message = format!("--sequence {} has no effect: nuScenes has no sequences", options.sequence);
-        found.warn(None, message).help("leave it out, or use --layout kitti");
+        found.warn(Some(Place::of_file(name)), message).help("leave it out, or use --layout kitti");
     }
     found
 }
@@ -290,7 +291,7 @@ pub fn write_frames(
     }
     let mut found = intensities.doubts(name, options);
     found.extend(named.doubts(name, options));
-    found.extend(unused_sequence(options));
+    found.extend(unused_sequence(name, options));
     if let Some(path) = &requested.objects {
         found.extend(table_doubts(path, name, counts.boxes, [early, late]));
     }
@@ -377,8 +378,8 @@ mod tests {
         assert!(said(kitti, Some("o.csv"), &[64]).contains("--category 65=Van has no effect: no box"));
         let sequence = |layout, sequence| {
             let (forward, objects) = (ForwardAxis::X, ObjectOptions::default());
-            unused_sequence(&FrameOptions { layout, forward, sequence, intensity_factor: 1.0, objects })
-                .text()
+            let options = FrameOptions { layout, forward, sequence, intensity_factor: 1.0, objects };
+            unused_sequence(Path::new("a.mcap"), &options).text()
         };
         assert!(sequence(nuscenes, 3).contains("--sequence 3 has no effect"));
         assert_eq!((sequence(kitti, 3), sequence(nuscenes, 0)), (String::new(), String::new()));
