@@ -3,7 +3,7 @@
 use super::args::RunArgs;
 use super::companions::open;
 use super::coverage;
-use super::rig::{OutputPlaces, SharedScene, Times, different_times, file_of, resolve_outputs};
+use super::rig::{OutputPlaces, ScannerTimes, SharedScene, different_times, file_of, resolve_outputs};
 use super::shared_logs::SharedPaths;
 use super::watch::during;
 use super::{Console, interrupt};
@@ -69,7 +69,7 @@ fn run_each(args: &RunArgs, jobs: Vec<ResolvedRun>, started: Instant, console: &
         let trial = Trial::open(args, job, &mut scene, console)?;
         let own = trial.output_places().map_err(|error| error.named(&format!("scanner `{name}`")))?;
         places.add(&name, shared.without_shared(own))?;
-        times.push(Times::of(&name, &trial.session)?);
+        times.push(ScannerTimes::of(&name, &trial.session)?);
         trials.push((name, trial));
     }
     drop(scene);

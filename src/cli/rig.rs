@@ -89,7 +89,7 @@ impl SharedScene {
 const MAX_APART_S: f64 = 1e-3;
 
 /// Times of the flight of one of several scanners.
-pub struct Times {
+pub struct ScannerTimes {
     scanner: String,
     /// Time between updates of the scene, s.
     step: Option<f64>,
@@ -97,27 +97,27 @@ pub struct Times {
     starts: Vec<(u32, f64)>,
 }
 
-impl Times {
+impl ScannerTimes {
     /// The times of the flight of a scanner.
     ///
     /// # Errors
     /// The errors of [`Session::leg_starts`].
-    pub fn of(scanner: &str, session: &Session) -> Result<Times> {
+    pub fn of(scanner: &str, session: &Session) -> Result<ScannerTimes> {
         let (step, starts) = (session.scene_step_s(), session.leg_starts(&interrupt::STOP)?);
-        Ok(Times { scanner: scanner.to_owned(), step, starts })
+        Ok(ScannerTimes { scanner: scanner.to_owned(), step, starts })
     }
 }
 
 /// Warnings if the moving parts of the scene move, or legs begin, at different times for the scanners of the
 /// pipeline `file`.
-pub fn different_times(file: &Path, times: &[Times]) -> Diagnostics {
+pub fn different_times(file: &Path, times: &[ScannerTimes]) -> Diagnostics {
     let mut found = different_steps(file, times);
     found.extend(different_starts(file, times));
     found
 }
 
 /// A warning if the moving parts of a scene move at different times for the scanners.
-fn different_steps(file: &Path, times: &[Times]) -> Diagnostics {
+fn different_steps(file: &Path, times: &[ScannerTimes]) -> Diagnostics {
     let mut found = Diagnostics::default();
     let mut moving = times.iter().filter_map(|of| Some((&of.scanner, of.step?)));
     let Some((first, step)) = moving.next() else { return found };
@@ -135,7 +135,7 @@ fn different_steps(file: &Path, times: &[Times]) -> Diagnostics {
 }
 
 /// A warning if a leg begins at different times for the scanners.
-fn different_starts(file: &Path, times: &[Times]) -> Diagnostics {
+fn different_starts(file: &Path, times: &[ScannerTimes]) -> Diagnostics {
     let mut found = Diagnostics::default();
     let mut flights = times.iter().filter(|of| !of.starts.is_empty());
     let Some(first) = flights.next() else { return found };
@@ -191,11 +191,12 @@ mod tests {
 
     /// The warnings about scanners with these steps and times at which their legs begin.
     fn warning(flights: [(Option<f64>, &[f64]); 3]) -> String {
-        let times = ["front", "rear", "top"].into_iter().zip(flights).map(|(name, (step, starts))| Times {
-            scanner: name.to_owned(),
-            step,
-            starts: (0..).zip(starts.iter().copied()).collect(),
-        });
+        let times =
+            ["front", "rear", "top"].into_iter().zip(flights).map(|(name, (step, starts))| ScannerTimes {
+                scanner: name.to_owned(),
+                step,
+                starts: (0..).zip(starts.iter().copied()).collect(),
+            });
         different_times(Path::new("rig.toml"), &times.collect::<Vec<_>>()).text()
     }
 

@@ -2,7 +2,7 @@
 
 use super::PulseSamples;
 use super::context::Context;
-use super::rows::{MAX_FILE_BYTES, RowFormat, RowProblem, read_rows};
+use super::rows::{MAX_FILE_BYTES, RowLayout, RowProblem, read_rows};
 use std::path::Path;
 use std::sync::Arc;
 use vlscan_base::diag::Place;
@@ -30,7 +30,7 @@ pub(super) fn read_pulse_file(
     }
 }
 
-const FORMAT: RowFormat<2> = RowFormat {
+const FORMAT: RowLayout<2> = RowLayout {
     columns: "two finite numbers: time in ns and power",
     help: "a line is a time in ns and a power, such as `0.25, 0.7`",
     headings: ["time_ns", "power"],

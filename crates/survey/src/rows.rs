@@ -12,7 +12,7 @@ pub(super) const MAX_FILE_BYTES: u64 = 1 << 24;
 pub(super) const MAX_LONG_FILE_BYTES: u64 = 1 << 31;
 
 /// Content of the lines of a file, each with `N` numbers.
-pub(super) struct RowFormat<const N: usize> {
+pub(super) struct RowLayout<const N: usize> {
     /// The expected numbers.
     pub columns: &'static str,
     /// An example.
@@ -76,7 +76,7 @@ pub(super) fn read_rows<const N: usize>(
     name: &str,
     (folder, max_bytes): (&Path, u64),
     place: &Place,
-    format: &RowFormat<N>,
+    format: &RowLayout<N>,
     row: impl FnMut(&[f64; N]) -> Result<(), RowProblem>,
 ) -> Option<()> {
     let path = context.file(name, folder, place.clone())?;
@@ -114,7 +114,7 @@ pub(super) fn read_rows<const N: usize>(
 /// The expected content, with the line number from 1.
 pub(super) fn parse_rows<const N: usize>(
     text: &str,
-    format: &RowFormat<N>,
+    format: &RowLayout<N>,
     mut row: impl FnMut(&[f64; N]) -> Result<(), RowProblem>,
 ) -> Result<(), (usize, RowProblem)> {
     let mut header_allowed = true;
