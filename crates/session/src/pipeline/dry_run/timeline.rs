@@ -104,20 +104,18 @@ impl Session {
     }
 
     /// GPS time at which a flight with weather over time ends, s of the week. `None` for flights without such
-    /// weather, recorded flights, and flights of more than 100 million steps.
-    ///
-    /// # Errors
-    /// As for [`Session::plan_flight`].
-    pub(in super::super) fn end_of_weather_flight(&self) -> Result<Option<f64>> {
+    /// weather, recorded flights, flights of more than 100 million steps, and legs that cannot be flown, which
+    /// a run reports and pulses of a table do not need.
+    pub(in super::super) fn end_of_weather_flight(&self) -> Option<f64> {
         let survey = self.survey();
         let is_recorded =
             matches!(survey.platform.kind, PlatformKind::Interpolated(_) | PlatformKind::Stream(_));
         if is_recorded || survey.legs.iter().all(|leg| leg.scanner.weather.over_time.is_none()) {
-            return Ok(None);
+            return None;
         }
-        let (flight, _) = self.plan_flight_quietly()?;
-        let start = self.settings().flight.gps_start_ns / 1e9;
-        Ok(step_through(&flight, &Stop::new())?.map(|timeline| start + timeline.seconds()))
+        let (flight, _) = self.plan_flight_quietly().ok()?;
+        let timeline = step_through(&flight, &Stop::new()).ok()??;
+        Some(self.settings().flight.gps_start_ns / 1e9 + timeline.seconds())
     }
 }
 
