@@ -104,8 +104,8 @@ impl Session {
     }
 
     /// GPS time at which a flight with weather over time ends, s of the week. `None` for flights without such
-    /// weather, recorded flights, flights of more than 100 million steps, and legs that cannot be flown, which
-    /// a run reports and pulses of a table do not need.
+    /// weather, recorded flights, flights of more than 100 million steps, and legs that cannot be flown,
+    /// which a run reports and pulses of a table do not need.
     pub(in super::super) fn end_of_weather_flight(&self) -> Option<f64> {
         let survey = self.survey();
         let is_recorded =
