@@ -3,7 +3,7 @@
 use super::args::RunArgs;
 use super::companions::open;
 use super::coverage;
-use super::rig::{OutputPlaces, SharedScene, different_steps, file_of, resolve_outputs};
+use super::rig::{OutputPlaces, ScannerTimes, SharedScene, different_times, file_of, resolve_outputs};
 use super::shared_logs::SharedPaths;
 use super::watch::during;
 use super::{Console, interrupt};
@@ -62,18 +62,18 @@ fn run_each(args: &RunArgs, jobs: Vec<ResolvedRun>, started: Instant, console: &
     let shared = SharedPaths::of(jobs.iter().map(|job| &job.output));
     let mut scene = SharedScene::of(&jobs);
     let replace = jobs.iter().any(|job| job.output.force);
-    let (mut places, mut steps, mut trials) = (OutputPlaces::default(), Vec::new(), Vec::new());
+    let (mut places, mut times, mut trials) = (OutputPlaces::default(), Vec::new(), Vec::new());
     for mut job in jobs {
         let name = job.scanner.clone().unwrap_or_default();
         shared.prepare(&name, false, &mut job.output)?;
         let trial = Trial::open(args, job, &mut scene, console)?;
         let own = trial.output_places().map_err(|error| error.named(&format!("scanner `{name}`")))?;
         places.add(&name, shared.without_shared(own))?;
-        steps.push((name.clone(), trial.session.scene_step_s()));
+        times.push(ScannerTimes::of(&name, &trial.session)?);
         trials.push((name, trial));
     }
     drop(scene);
-    console.warnings(&different_steps(&args.file, &steps))?;
+    console.warnings(&different_times(&args.file, &times))?;
     let (mut scanners, mut maps, mut started_one) = (Vec::new(), Vec::new(), started);
     for (name, trial) in trials {
         let (forecast, map) = trial.forecast(args, started_one, console)?;

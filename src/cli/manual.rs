@@ -166,7 +166,16 @@ fn with_examples(command: Command, path: &str) -> Command {
     });
     let command = with_short_help(command, path);
     let corrections = takes_corrections(&command).then(corrections).unwrap_or_default();
-    command.after_long_help(corrections + &examples.unwrap_or_default() + &exit_status())
+    command
+        .mut_args(taking_negative_numbers)
+        .after_long_help(corrections + &examples.unwrap_or_default() + &exit_status())
+}
+
+/// An option that takes the number of `--speed -5` as its value, so that its own message rejects the number.
+fn taking_negative_numbers(arg: clap::Arg) -> clap::Arg {
+    let takes_values =
+        arg.get_num_args().map_or(arg.get_action().takes_values(), |range| range.takes_values());
+    if takes_values && !arg.is_positional() { arg.allow_negative_numbers(true) } else { arg }
 }
 
 /// The options that `-h` shows where a command has many; `--help` shows all.

@@ -253,6 +253,18 @@ mod tests {
     }
 
     #[test]
+    fn negative_numbers_are_values_of_options() {
+        let refused = |line: &str| {
+            let parsed = crate::cli::command_line().try_get_matches_from(line.split(' '));
+            of_usage(&parsed.unwrap_err()).message
+        };
+        let found = refused("vlscan frames a.mcap -o out --layout kitti --intensity-factor -1");
+        assert!(found.contains("'--intensity-factor <FACTOR>'") && found.contains("found -1"), "{found}");
+        let found = refused("vlscan run -5");
+        assert!(found.contains("unexpected argument '-5'"), "{found}");
+    }
+
+    #[test]
     fn json_is_requested_before_the_words_of_another_command_line() {
         let is_requested =
             |line: &str| request_json(&line.split(' ').map(OsString::from).collect::<Vec<_>>());

@@ -1,6 +1,6 @@
 //! Several scanners on one platform: the runs of a pipeline with `[[scanner]]` tables, which share a scene.
 
-use super::Console;
+use super::{Console, interrupt};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use vlscan_base::diag::{Diagnostics, Place};
@@ -85,11 +85,41 @@ impl SharedScene {
     }
 }
 
-/// A warning if the moving parts of a scene move at different times for the scanners of the pipeline `file`.
-/// `steps` are the times between updates of the scene, s, by scanner.
-pub fn different_steps(file: &Path, steps: &[(String, Option<f64>)]) -> Diagnostics {
+/// Difference of the times at which a leg begins for two scanners from which on there is a warning, s.
+const MAX_APART_S: f64 = 1e-3;
+
+/// Times of the flight of one of several scanners.
+pub struct ScannerTimes {
+    scanner: String,
+    /// Time between updates of the scene, s.
+    step: Option<f64>,
+    /// Number of each leg and the time at which it begins, s.
+    starts: Vec<(u32, f64)>,
+}
+
+impl ScannerTimes {
+    /// The times of the flight of a scanner.
+    ///
+    /// # Errors
+    /// The errors of [`Session::leg_starts`].
+    pub fn of(scanner: &str, session: &Session) -> Result<ScannerTimes> {
+        let (step, starts) = (session.scene_step_s(), session.leg_starts(&interrupt::STOP)?);
+        Ok(ScannerTimes { scanner: scanner.to_owned(), step, starts })
+    }
+}
+
+/// Warnings if the moving parts of the scene move, or legs begin, at different times for the scanners of the
+/// pipeline `file`.
+pub fn different_times(file: &Path, times: &[ScannerTimes]) -> Diagnostics {
+    let mut found = different_steps(file, times);
+    found.extend(different_starts(file, times));
+    found
+}
+
+/// A warning if the moving parts of a scene move at different times for the scanners.
+fn different_steps(file: &Path, times: &[ScannerTimes]) -> Diagnostics {
     let mut found = Diagnostics::default();
-    let mut moving = steps.iter().filter_map(|(scanner, step)| Some((scanner, (*step)?)));
+    let mut moving = times.iter().filter_map(|of| Some((&of.scanner, of.step?)));
     let Some((first, step)) = moving.next() else { return found };
     if let Some((other, other_step)) = moving.find(|(_, other)| (other - step).abs() > 1e-9 * step) {
         let [step, other_step] = [step, other_step].map(|step| number(step * 1e3));
@@ -100,6 +130,31 @@ pub fn different_steps(file: &Path, steps: &[(String, Option<f64>)]) -> Diagnost
         found
             .warn(Some(Place::of_file(file)), message)
             .help("give the scene a `dynTimeStep` that is a whole number of pulse periods of each scanner");
+    }
+    found
+}
+
+/// A warning if a leg begins at different times for the scanners.
+fn different_starts(file: &Path, times: &[ScannerTimes]) -> Diagnostics {
+    let mut found = Diagnostics::default();
+    let mut flights = times.iter().filter(|of| !of.starts.is_empty());
+    let Some(first) = flights.next() else { return found };
+    let apart = flights.find_map(|other| {
+        let mut legs = first.starts.iter().zip(&other.starts);
+        let (leg, other_leg) = legs.find(|(leg, other_leg)| (leg.1 - other_leg.1).abs() > MAX_APART_S)?;
+        Some((leg.0, leg.1, other_leg.1, &other.scanner))
+    });
+    if let Some((leg, start, other_start, other)) = apart {
+        let ([start, other_start], first) = ([start, other_start].map(number), &first.scanner);
+        let message = format!(
+            "leg {leg} begins after {start} s for the scanner `{first}` and after {other_start} s for \
+             `{other}`, which are at different places from then on"
+        );
+        found.warn(Some(Place::of_file(file)), message).help(
+            "a leg lasts until the platform arrives and the head is at `head_stop_deg`, in whole pulse \
+             periods: leave `head_stop_deg` out, choose one that the head reaches before the platform \
+             arrives, or fly a `[trajectory]`, whose times hold for all scanners",
+        );
     }
     found
 }
@@ -134,17 +189,36 @@ impl OutputPlaces {
 mod tests {
     use super::*;
 
+    /// The warnings about scanners with these steps and times at which their legs begin.
+    fn warning(flights: [(Option<f64>, &[f64]); 3]) -> String {
+        let times =
+            ["front", "rear", "top"].into_iter().zip(flights).map(|(name, (step, starts))| ScannerTimes {
+                scanner: name.to_owned(),
+                step,
+                starts: (0..).zip(starts.iter().copied()).collect(),
+            });
+        different_times(Path::new("rig.toml"), &times.collect::<Vec<_>>()).text()
+    }
+
     #[test]
     fn scanners_that_see_a_scene_at_different_steps_are_named() {
-        let warning = |steps: [Option<f64>; 3]| {
-            let names = ["front", "rear", "top"].map(str::to_owned);
-            different_steps(Path::new("rig.toml"), &names.into_iter().zip(steps).collect::<Vec<_>>()).text()
-        };
-        assert_eq!(warning([None; 3]), "");
-        assert_eq!(warning([Some(0.02), Some(0.02 * (1.0 + 1e-12)), Some(0.02)]), "");
-        let found = warning([Some(0.02), Some(0.02), Some(0.019995)]);
+        const NO_LEGS: &[f64] = &[];
+        let steps = |steps: [Option<f64>; 3]| warning(steps.map(|step| (step, NO_LEGS)));
+        assert_eq!(steps([None; 3]), "");
+        assert_eq!(steps([Some(0.02), Some(0.02 * (1.0 + 1e-12)), Some(0.02)]), "");
+        let found = steps([Some(0.02), Some(0.02), Some(0.019995)]);
         let expected = "every 20 ms for the scanner `front` and every 19.995 ms for `top`";
         assert!(found.contains(expected) && found.contains("dynTimeStep"), "{found}");
+    }
+
+    #[test]
+    fn scanners_whose_legs_begin_at_different_times_are_named() {
+        let starts = |starts: [&[f64]; 3]| warning(starts.map(|starts| (None, starts)));
+        assert_eq!(starts([&[0.0, 2.0], &[0.0, 2.0005], &[0.0, 1.9995]]), "");
+        assert_eq!(starts([&[], &[0.0, 2.0], &[]]), "");
+        let found = starts([&[0.0, 2.0, 3.0], &[0.0, 2.0, 3.0], &[0.0, 2.0, 3.5]]);
+        let expected = "leg 2 begins after 3 s for the scanner `front` and after 3.5 s for `top`";
+        assert!(found.contains(expected) && found.contains("head_stop_deg"), "{found}");
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use super::args::RunArgs;
 use super::companions::{Companions, open};
-use super::rig::{OutputPlaces, SharedScene, different_steps, file_of, resolve_outputs};
+use super::rig::{OutputPlaces, ScannerTimes, SharedScene, different_times, file_of, resolve_outputs};
 use super::shards::open_without_tree;
 use super::shared_logs::{SharedPaths, is_part};
 use super::watch::during;
@@ -54,9 +54,9 @@ fn run_each(file: &Path, mut ready: Vec<Ready>, started: Instant, console: &Cons
         let own = run.check().map_err(|error| error.named(&format!("scanner `{}`", run.scanner())))?;
         places.add(run.scanner(), shared.without_shared(own))?;
     }
-    let steps: Vec<(String, Option<f64>)> =
-        ready.iter().map(|run| (run.scanner().to_owned(), run.session.scene_step_s())).collect();
-    console.warnings(&different_steps(file, &steps))?;
+    let times =
+        ready.iter().map(|run| ScannerTimes::of(run.scanner(), &run.session)).collect::<Result<Vec<_>>>()?;
+    console.warnings(&different_times(file, &times))?;
     let resumptions: Vec<ResumeOptions> = ready.iter().filter_map(|run| run.resumption.clone()).collect();
     let replace = ready.iter().any(|run| run.output.force);
     let mut logs = shared.begin()?;

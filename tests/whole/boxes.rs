@@ -310,6 +310,9 @@ fn tables_of_objects_that_cannot_be_are_refused() {
     fs::write(dir.path().join("wrong.csv"), format!("{heading}{row}7,7,bus,64,x\n")).unwrap();
     fs::write(dir.path().join("other.csv"), format!("{heading}{}", row.replace("7,7", "99,99"))).unwrap();
     fs::write(dir.path().join("late.csv"), format!("{heading}{}", row.replace("86418", "86500"))).unwrap();
+    // The bus moves on after three poses.
+    let short: String = (0..3).map(|i| row.replace("86418", &format!("86418.00{i}"))).collect();
+    fs::write(dir.path().join("short.csv"), format!("{heading}{short}")).unwrap();
     let frames = ["frames", "a.mcap", "-o", "out", "--layout", "kitti"];
     for (args, expected) in [
         (&["--objects", "text.csv"][..], "no columns"),
@@ -317,8 +320,10 @@ fn tables_of_objects_that_cannot_be_are_refused() {
         (&["--objects", "none.csv"], "none.csv"),
         (&["--skewed-objects"], "--objects"),
         (&["--category", "300=Car"], "CLASS=NAME"),
+        (&["--category", "64=Car", "--strict"], "KITTI names the classes of boxes only"),
         (&["--objects", "other.csv", "--strict"], "no point of a.mcap"),
         (&["--objects", "late.csv", "--strict"], "of a.mcap are older than the first poses of this table"),
+        (&["--objects", "short.csv", "--strict"], "of a.mcap are newer than the last poses of this table"),
     ] {
         let out = run(dir.path(), &[&frames[..], args].concat());
         assert!(

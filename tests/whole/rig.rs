@@ -249,6 +249,22 @@ fn scanners_have_their_coverage_alone_and_together() {
 }
 
 #[test]
+fn legs_that_begin_at_different_times_cause_a_warning() {
+    let dir = site();
+    let way = "position_m = [1.5, -10, 0.1]";
+    let bent = format!("position_m = [1.5, -15, 0.1]\nspeed_m_per_s = 20\n[[leg]]\n{way}");
+    let pipeline = rig(LEGS).replace(way, &bent).replace("pulse_freq_hz = 400", "pulse_freq_hz = 2000");
+    // The way to the second leg takes 0.25 s, in which the head turns by 900 degrees.
+    for (stop, is_told) in [("1800", true), ("600", false)] {
+        let pipeline = pipeline.replace("head_stop_deg = 1800", &format!("head_stop_deg = {stop}"));
+        fs::write(dir.path().join("rig.toml"), pipeline).unwrap();
+        let said = text(&succeed(dir.path(), &["run", "rig.toml", "--dry-run"]).stderr);
+        let is_found = said.contains("leg 1 begins after 0.5") && said.contains("`rear`, which are at");
+        assert_eq!(is_found, is_told, "{stop}: {said}");
+    }
+}
+
+#[test]
 fn outputs_of_all_scanners_are_checked_before_the_first_pulse() {
     let dir = site();
     let before = files(dir.path()).len();

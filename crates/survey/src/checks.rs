@@ -91,6 +91,8 @@ impl LegCheck<'_> {
         let freq = self.leg.scanner.pulse_freq;
         if let Some(place) = self.place(K.pulse_freq_hz)
             && self.leg.scanner.pulse_times.is_none()
+            // The rate of a pattern with times is only their mean, which a leg may replace.
+            && self.survey.scanner.pulse_times.is_none()
             && !self.survey.scanner.pulse_freqs.contains(&freq)
         {
             let message = format!("the pulse frequency of {freq} Hz is not among those of the scanner");

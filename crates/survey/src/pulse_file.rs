@@ -2,7 +2,7 @@
 
 use super::PulseSamples;
 use super::context::Context;
-use super::rows::{MAX_FILE_BYTES, RowProblem, read_rows};
+use super::rows::{MAX_FILE_BYTES, RowLayout, RowProblem, read_rows};
 use std::path::Path;
 use std::sync::Arc;
 use vlscan_base::diag::Place;
@@ -20,20 +20,21 @@ pub(super) fn read_pulse_file(
     place: Place,
 ) -> Option<Arc<PulseSamples>> {
     let mut samples = PulseSamples { times: Vec::new(), powers: Vec::new() };
-    let help = "a line is a time in ns and a power, such as `0.25, 0.7`";
-    read_rows(context, name, (folder, MAX_FILE_BYTES), &place, (COLUMNS, help), |row| {
-        add(&mut samples, row)
-    })?;
+    read_rows(context, name, (folder, MAX_FILE_BYTES), &place, &FORMAT, |row| add(&mut samples, row))?;
     match normalised(samples) {
         Ok(samples) => Some(Arc::new(samples)),
         Err(expected) => {
-            context.error_help(place, format!("expected {expected}"), help);
+            context.error_help(place, format!("expected {expected}"), FORMAT.help);
             None
         }
     }
 }
 
-const COLUMNS: &str = "two finite numbers: time in ns and power";
+const FORMAT: RowLayout<2> = RowLayout {
+    columns: "two finite numbers: time in ns and power",
+    help: "a line is a time in ns and a power, such as `0.25, 0.7`",
+    headings: ["time_ns", "power"],
+};
 
 fn add(samples: &mut PulseSamples, &[time, power]: &[f64; 2]) -> Result<(), RowProblem> {
     if samples.times.last().is_some_and(|last| time <= *last) {
@@ -72,7 +73,7 @@ mod tests {
 
     fn parse(text: &str) -> Result<PulseSamples, (Option<usize>, String)> {
         let mut samples = PulseSamples { times: Vec::new(), powers: Vec::new() };
-        parse_rows(text, COLUMNS, |row| add(&mut samples, row))
+        parse_rows(text, &FORMAT, |row| add(&mut samples, row))
             .map_err(|(line, expected)| (Some(line), expected.to_string()))?;
         normalised(samples).map_err(|expected| (None, expected.to_string()))
     }
@@ -92,6 +93,9 @@ mod tests {
             ("0 1\n1 2 3\n", Some(2), "two finite numbers"),
             ("0 1\n1 inf\n", Some(2), "two finite numbers"),
             ("0 1\ntime power\n", Some(2), "two finite numbers"),
+            ("power,time_ns\n0 1\n", Some(1), "`time_ns` as column 1, found `power`"),
+            ("time_ps,power\n0 1\n", None, "at least 3"),
+            ("time_us,power\n0 1\n", Some(1), "`time_ns` as column 1, found `time_us`"),
             ("0 1\n0 2\n", Some(2), "later"),
             ("0 1\n1 -2\n", Some(2), "at least 0"),
             ("0 1\n1 2\n", None, "at least 3"),

@@ -3,7 +3,7 @@
 use super::PulseTimes;
 use super::fields::Fields;
 use super::keys::SettingsKeys;
-use super::rows::{MAX_LONG_FILE_BYTES, RowProblem, read_rows};
+use super::rows::{MAX_LONG_FILE_BYTES, RowLayout, RowProblem, read_rows};
 use vlscan_base::quantity::{Bounds, MAX_DURATION, PULSE_FREQ, number};
 
 const K: SettingsKeys = SettingsKeys::KEYS;
@@ -56,8 +56,9 @@ fn read_times(fields: &Fields, name: &str) -> Option<PulseTimes> {
     };
     let place = fields.place(K.pulse_times);
     let help = "a line is the time of a pulse in s after the start of the leg, such as `0.00000054`";
-    let kind = ("a finite number: the time of a pulse in s", help);
-    read_rows(fields.context, name, (fields.folder(), MAX_LONG_FILE_BYTES), &place, kind, row)?;
+    let columns = "a finite number: the time of a pulse in s";
+    let format = RowLayout { columns, help, headings: ["time_s"] };
+    read_rows(fields.context, name, (fields.folder(), MAX_LONG_FILE_BYTES), &place, &format, row)?;
     let (Some(first), Some(last)) = (times.first(), times.last().filter(|_| times.len() > 1)) else {
         fields.context.error_help(place, format!("`{name}` has fewer than two times"), help);
         return None;

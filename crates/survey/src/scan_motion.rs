@@ -2,7 +2,7 @@
 
 use super::fields::Fields;
 use super::keys::{InstrumentKeys, WanderKeys};
-use super::rows::{MAX_FILE_BYTES, RowProblem, read_rows};
+use super::rows::{MAX_FILE_BYTES, RowLayout, RowProblem, read_rows};
 use super::{AngleTable, Deflector, Device, ScanMotion, Swing, Wander};
 use std::f64::consts::TAU;
 use std::sync::Arc;
@@ -104,7 +104,8 @@ fn read_angles(fields: &Fields, name: &str) -> Option<AngleTable> {
     };
     let place = fields.place(K.scan_wander);
     let help = "a line is a time in s and an angle in degrees, such as `0.25, -0.02`";
-    read_rows(fields.context, name, (fields.folder(), MAX_FILE_BYTES), &place, (columns, help), row)?;
+    let format = RowLayout { columns, help, headings: ["time_s", "angle_deg"] };
+    read_rows(fields.context, name, (fields.folder(), MAX_FILE_BYTES), &place, &format, row)?;
     if table.times.is_empty() {
         fields.context.error_help(place, format!("`{name}` has no line of numbers"), help);
         return None;

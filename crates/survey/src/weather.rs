@@ -2,7 +2,7 @@
 
 use super::fields::Fields;
 use super::keys::{SettingsKeys, WeatherKeys};
-use super::rows::{MAX_FILE_BYTES, RowProblem, read_rows};
+use super::rows::{MAX_FILE_BYTES, RowLayout, RowProblem, read_rows};
 use super::{AirState, Weather};
 use vlscan_base::quantity::{DUST, OPTICAL_RANGE, RAIN_RATE, SNOW_RATE, TIME};
 
@@ -62,7 +62,8 @@ fn read_weather(fields: &Fields, name: &str) -> Option<Vec<(f64, AirState)>> {
     let place = fields.place(WeatherKeys::KEYS.over_time);
     let columns = "five finite numbers: GPS time in s, mor_m, rain_mm_h, snow_mm_h and dust";
     let help = "a line is, for example, `86418, 0, 10, 0, 0`: rain of 10 mm/h without fog";
-    read_rows(fields.context, name, (fields.folder(), MAX_FILE_BYTES), &place, (columns, help), row)?;
+    let format = RowLayout { columns, help, headings: ["time_s", "mor_m", "rain_mm_h", "snow_mm_h", "dust"] };
+    read_rows(fields.context, name, (fields.folder(), MAX_FILE_BYTES), &place, &format, row)?;
     if rows.is_empty() {
         fields.context.error_help(place, format!("`{name}` has no line of numbers"), help);
         return None;

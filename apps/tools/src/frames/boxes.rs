@@ -11,9 +11,9 @@ use vlscan_geom::{Aabb, DVec3, Rotation};
 
 /// Distance from a box up to which points are in it, m: more than the rounding of coordinates.
 const TOLERANCE: f64 = 0.01;
-/// Time before the first pose of an object from which on points are of another run, ns: more than the
-/// rounding of times.
-const EARLY_NS: f64 = 1e6;
+/// Time before the first pose of an object, and after the end of its last one, from which on points are of
+/// another run, ns: more than the rounding of times.
+const TIME_TOLERANCE_NS: f64 = 1e6;
 
 /// The box of an object at the mean time of its points in a frame.
 #[derive(Clone, Debug)]
@@ -33,6 +33,8 @@ pub(super) struct FrameBox<'a> {
     pub inside: u64,
     /// Number of these that were measured before the first pose of the object.
     pub early: u64,
+    /// Number of these that were measured when its last pose no longer held.
+    pub late: u64,
     /// Number of points of other surfaces in front of the box.
     pub in_front: u64,
 }
@@ -79,23 +81,27 @@ pub(super) fn boxes<'a>(
 
 /// The boxes of the objects of a frame, whose points are only counted.
 fn seen<'a>(frame: &PlacedFrame, objects: &'a Objects) -> BTreeMap<i64, FrameBox<'a>> {
-    let mut times: BTreeMap<i64, (u64, u64, f64)> = BTreeMap::new();
+    let mut times: BTreeMap<i64, (u64, [u64; 2], f64)> = BTreeMap::new();
     for point in &frame.points {
         let Some(track) = objects.get(point.instance) else { continue };
         let time_s = f64::from(point.time_s);
-        let is_early = time_after(frame.time_ns, time_s) < track.begin_ns() - EARLY_NS;
-        let (count, early, sum) = times.entry(point.instance).or_default();
-        (*count, *early, *sum) = (*count + 1, *early + u64::from(is_early), *sum + time_s);
+        let time_ns = time_after(frame.time_ns, time_s);
+        let is_early = time_ns < track.begin_ns() - TIME_TOLERANCE_NS;
+        let is_late = time_ns > track.end_ns() + TIME_TOLERANCE_NS;
+        let (count, [early, late], sum) = times.entry(point.instance).or_default();
+        (*count, *sum) = (*count + 1, *sum + time_s);
+        (*early, *late) = (*early + u64::from(is_early), *late + u64::from(is_late));
     }
     let back = frame.pose.rotation.inverse();
-    let of = |(number, (points, early, sum)): (i64, (u64, u64, f64))| {
+    let of = |(number, (points, [early, late], sum)): (i64, (u64, [u64; 2], f64))| {
         let track = objects.get(number)?;
         let time_ns = time_after(frame.time_ns, sum / points as f64);
         let pose = ObjectPose { time_ns, ..track.at(time_ns) };
         let centre = back.apply(pose.centre - frame.pose.position);
         let rotation = back.after(pose.rotation);
         let (inside, in_front) = (0, 0);
-        Some((number, FrameBox { number, track, pose, centre, rotation, points, inside, early, in_front }))
+        let found = FrameBox { number, track, pose, centre, rotation, points, inside, early, late, in_front };
+        Some((number, found))
     };
     times.into_iter().filter_map(of).collect()
 }
@@ -249,10 +255,14 @@ mod tests {
         assert_eq!((one.points, one.in_front), (3, 1));
         assert_eq!(one.visibility(), 0.75);
         // The table begins 2 s after the points: it is that of another run.
-        assert_eq!(one.early, 0);
+        assert_eq!((one.early, one.late), (0, 0));
         all.time_ns -= 2_000_000_000;
         let found = boxes(&mut all, &objects, false);
-        assert_eq!((found[0].points, found[0].early), (3, 3));
+        assert_eq!((found[0].points, found[0].early, found[0].late), (3, 3, 0));
+        // It ends 1.8 s before the points.
+        all.time_ns += 4_000_000_000;
+        let found = boxes(&mut all, &objects, false);
+        assert_eq!((found[0].points, found[0].early, found[0].late), (3, 0, 3));
         // An object without points has no box.
         let mut none = frame(vec![point([18.0, 0.0, 0.0], 0.0, 0)], DVec3::ZERO, Rotation::IDENTITY);
         assert!(boxes(&mut none, &objects, false).is_empty());

@@ -206,6 +206,7 @@ mod tests {
                 points: 10,
                 inside: 10,
                 early: 0,
+                late: 0,
                 in_front,
             };
             label(&one, "big car").split_whitespace().map(str::to_owned).collect()

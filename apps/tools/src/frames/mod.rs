@@ -27,6 +27,7 @@ use boxes::{BoxTable, FrameBox, boxes};
 use categories::Names;
 use objects::Objects;
 use placed::{PlacedFrame, PlacedPoint, place};
+use std::collections::BTreeSet;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use vlscan_base::Observer;
@@ -158,6 +159,78 @@ impl Intensities {
     }
 }
 
+/// Classes whose names are written.
+#[derive(Debug, Default)]
+struct NamedClasses(BTreeSet<i64>);
+
+impl NamedClasses {
+    /// Adds those of a frame: of its boxes, in nuScenes also of its points.
+    fn add(&mut self, frame: &PlacedFrame, boxes: Option<&[FrameBox]>, layout: FrameLayout) {
+        self.0.extend(boxes.into_iter().flatten().map(|one| one.track.class));
+        if layout == FrameLayout::Nuscenes {
+            self.0.extend(frame.points.iter().map(|point| point.class));
+        }
+    }
+
+    /// A warning if names are chosen for other classes.
+    fn doubts(&self, name: &Path, options: &FrameOptions) -> Diagnostics {
+        let mut found = Diagnostics::default();
+        let ObjectOptions { objects, categories, .. } = &options.objects;
+        let unused = categories.iter().filter(|category| !self.0.contains(&i64::from(category.class)));
+        let unused: Vec<String> =
+            unused.map(|category| format!("{}={}", category.class, category.name)).collect();
+        if unused.is_empty() {
+            return found;
+        }
+        let (why, help) = match (options.layout, objects) {
+            (FrameLayout::Kitti, None) => {
+                ("KITTI names the classes of boxes only", "add boxes with --objects objects.csv".to_owned())
+            }
+            (FrameLayout::Kitti, Some(_)) => ("no box is of such a class", classes_help(name)),
+            (FrameLayout::Nuscenes, _) => ("no point is of such a class", classes_help(name)),
+        };
+        let message = format!("--category {} has no effect: {why}", unused.join(", "));
+        found.warn(Some(Place::of_file(name)), message).help(help);
+        found
+    }
+}
+
+fn classes_help(name: &Path) -> String {
+    format!("`vlscan info {}` lists the classes of the points", name.display())
+}
+
+/// A warning if a number of a sequence is chosen for a layout without such numbers; `name` is that of the
+/// source.
+fn unused_sequence(name: &Path, options: &FrameOptions) -> Diagnostics {
+    let mut found = Diagnostics::default();
+    if options.layout == FrameLayout::Nuscenes && options.sequence != 0 {
+        let message = format!("--sequence {} has no effect: nuScenes has no sequences", options.sequence);
+        found.warn(Some(Place::of_file(name)), message).help("leave it out, or use --layout kitti");
+    }
+    found
+}
+
+/// A warning if a table of objects is of another run than the points of `name`, of which there are `boxes`,
+/// and points before the first poses and after the last ones.
+fn table_doubts(table: &Path, name: &Path, boxes: u64, [early, late]: [u64; 2]) -> Diagnostics {
+    let mut found = Diagnostics::default();
+    let name = name.display();
+    let message = match (boxes, early, late) {
+        (0, ..) => format!("no point of {name} is of an object of this table"),
+        (_, 0, 0) => return found,
+        (_, 0, late) => {
+            format!("{late} points of objects of {name} are newer than the last poses of this table")
+        }
+        (_, early, _) => {
+            format!("{early} points of objects of {name} are older than the first poses of this table")
+        }
+    };
+    found
+        .warn(Some(Place::of_file(table)), message)
+        .help("write the table with the points: vlscan run -o points.mcap --objects objects.csv");
+    found
+}
+
 /// A positive number with two digits, not above it.
 fn rounded_down(value: f64) -> String {
     let unit = libm::exp10(libm::floor(libm::log10(value)) - 1.0);
@@ -165,8 +238,9 @@ fn rounded_down(value: f64) -> String {
 }
 
 /// Writes the frames of an MCAP file to a folder; `name` is that of the source in messages. One frame is in
-/// memory at a time. The data set appears when it is complete. Intensities that the layout does not have, and
-/// a table of objects of which there are no points, or older ones, are reported to `observer`.
+/// memory at a time. The data set appears when it is complete. Intensities that the layout does not have,
+/// names of classes that are not written, and a table of objects of which there are no points, or points of
+/// other times, are reported to `observer`.
 ///
 /// # Errors
 /// [`Error::Io`]; [`Error::Input`] for a source that is not an MCAP file with points and poses, for a
@@ -188,8 +262,9 @@ pub fn write_frames(
         FrameLayout::Nuscenes => Box::new(nuscenes::Nuscenes::begin(folder, names, &mut group)?),
     };
     let mut table = objects.as_ref().map(|_| BoxTable::begin(writer.table_folder())).transpose()?;
-    let (mut counts, mut early) = (FrameCounts::default(), 0);
+    let (mut counts, mut early, mut late) = (FrameCounts::default(), 0, 0);
     let mut intensities = Intensities { min: f32::INFINITY, max: f32::NEG_INFINITY, beyond: 0 };
+    let mut named = NamedClasses::default();
     let (_, most) = options.layout.intensities();
     read_frames(source, name, &mut |frame| {
         let mut placed = place(&frame, options.forward, options.intensity_factor).ok_or_else(|| {
@@ -204,6 +279,10 @@ pub fn write_frames(
             table.frame(found)?;
             counts.boxes += found.len() as u64;
             early += found.iter().map(|one| one.early).sum::<u64>();
+            late += found.iter().map(|one| one.late).sum::<u64>();
+        }
+        if !requested.categories.is_empty() {
+            named.add(&placed, found.as_deref(), options.layout);
         }
         writer.frame(&placed, found.as_deref())
     })?;
@@ -211,18 +290,10 @@ pub fn write_frames(
         return Err(Error::input(format!("{}: it contains no point messages", name.display())));
     }
     let mut found = intensities.doubts(name, options);
-    let name = name.display();
-    let problem = match (counts.boxes, early) {
-        (0, _) => Some(format!("no point of {name} is of an object of this table")),
-        (_, 0) => None,
-        _ => {
-            Some(format!("{early} points of objects of {name} are older than the first poses of this table"))
-        }
-    };
-    if let (Some(path), Some(message)) = (requested.objects.as_deref(), problem) {
-        found
-            .warn(Some(Place::of_file(path)), message)
-            .help("write the table with the points: vlscan run -o points.mcap --objects objects.csv");
+    found.extend(named.doubts(name, options));
+    found.extend(unused_sequence(name, options));
+    if let Some(path) = &requested.objects {
+        found.extend(table_doubts(path, name, counts.boxes, [early, late]));
     }
     observer.warnings(found)?;
     table.map_or(Ok(()), BoxTable::finish)?;
@@ -288,5 +359,31 @@ mod tests {
         assert!(said(nuscenes, &[510.0], 1.0).contains("--intensity-factor 4.9e-1"));
         assert!(said(nuscenes, &[-1.0], 1.0).contains("1 point lies beyond"));
         assert!(said(kitti, &[f32::NAN], 1.0).contains("1 point lies"));
+    }
+
+    #[test]
+    fn names_of_classes_and_sequences_that_are_not_written_are_told() {
+        let said = |layout, objects: Option<&str>, classes: &[i64]| {
+            let categories: Vec<Category> = ["64=Car", "65=Van"].map(|text| text.parse().unwrap()).to_vec();
+            let objects = objects.map(PathBuf::from);
+            let objects = ObjectOptions { objects, skewed_objects: false, categories };
+            let options =
+                FrameOptions { layout, forward: ForwardAxis::X, sequence: 0, intensity_factor: 1.0, objects };
+            let named = NamedClasses(classes.iter().copied().collect());
+            named.doubts(Path::new("a.mcap"), &options).text()
+        };
+        let (kitti, nuscenes) = (FrameLayout::Kitti, FrameLayout::Nuscenes);
+        assert_eq!(said(nuscenes, None, &[64, 65, 6]), "");
+        assert!(said(nuscenes, None, &[65]).contains("--category 64=Car has no effect: no point"));
+        assert!(said(kitti, Some("o.csv"), &[64]).contains("--category 65=Van has no effect: no box"));
+        let sequence = |layout, sequence| {
+            let (forward, objects) = (ForwardAxis::X, ObjectOptions::default());
+            let options = FrameOptions { layout, forward, sequence, intensity_factor: 1.0, objects };
+            unused_sequence(Path::new("a.mcap"), &options).text()
+        };
+        assert!(sequence(nuscenes, 3).contains("--sequence 3 has no effect"));
+        assert_eq!((sequence(kitti, 3), sequence(nuscenes, 0)), (String::new(), String::new()));
+        let both = said(kitti, None, &[]);
+        assert!(both.contains("64=Car, 65=Van has no effect") && both.contains("--objects"), "{both}");
     }
 }

@@ -397,7 +397,7 @@ mod tests {
             let track = objects.get(number).unwrap();
             let (pose, points, inside) = (track.at(0.0), 10, 10);
             let (centre, rotation) = (DVec3::ZERO, Rotation::IDENTITY);
-            FrameBox { number, track, pose, centre, rotation, points, inside, early: 0, in_front }
+            FrameBox { number, track, pose, centre, rotation, points, inside, early: 0, late: 0, in_front }
         };
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("sample_annotation.json");

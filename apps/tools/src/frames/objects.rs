@@ -22,6 +22,9 @@ const OTHERS: [&str; 4] = ["object", "id", "name", "class"];
 const COORDINATE: Bounds = Bounds::new(-1e9, 1e9, "a number from -1e9 to 1e9");
 const TIME: Bounds = Bounds::new(0.0, 1e10, "seconds from 0 to 1e10");
 const SIZE: Bounds = Bounds::new(0.0, 1e6, "metres from 0 to 1e6");
+/// Number of times between poses for which the last pose of a moving object may hold. The flight ends within
+/// one of them, which is longer where pulses of a lower rate follow.
+const MAX_LAST_STEPS: f64 = 10.0;
 /// Greatest difference of the length of a quaternion from 1.
 const MAX_QUATERNION_ERROR: f64 = 0.01;
 
@@ -61,6 +64,17 @@ impl ObjectTrack {
     /// Time of the first pose, ns.
     pub fn begin_ns(&self) -> f64 {
         self.poses.first().map_or(f64::NEG_INFINITY, |pose| pose.time_ns)
+    }
+
+    /// Time up to which the last pose of an object that moves on may hold, ns; infinite for others.
+    pub fn end_ns(&self) -> f64 {
+        match self.poses.as_slice() {
+            // The first pose holds until the first pulse only.
+            [_, .., before, last] if last.velocity != DVec3::ZERO => {
+                last.time_ns + MAX_LAST_STEPS * (last.time_ns - before.time_ns)
+            }
+            _ => f64::INFINITY,
+        }
     }
 
     /// The pose at a time, ns: the last one before, or the first one.

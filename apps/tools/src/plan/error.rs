@@ -194,7 +194,7 @@ pub enum PlanError {
         density: f64,
     },
     /// Neither density nor speed.
-    #[error("give --speed, or --density to derive the speed from it")]
+    #[error("give --speed, or --density or --min-density to derive the speed from it")]
     NoSpeed,
     /// No round in which a scan is chosen.
     #[error("no scan was tried")]
@@ -314,8 +314,8 @@ pub enum PlanError {
     },
     /// A speed that no platform has, m/s.
     #[error(
-        "the speed would be {speed} m/s, expected 0.001 to 1000 m/s; change --density, --pulse-rate or \
-         --height",
+        "the speed would be {speed} m/s, expected 0.001 to 1000 m/s; change --density (or --min-density), \
+         --pulse-rate or --height",
         speed = number(*.0)
     )]
     Speed(f64),

@@ -12,13 +12,14 @@ pub enum ReceiverError {
          `threshold_photons` is; state `max_range`"
     )]
     NoThreshold,
-    /// Background light that makes too many returns.
+    /// Background light and dark counts that make too many returns.
     #[error(
-        "background light of {photons:.1e} photoelectrons a second makes about {returns:.0} returns per \
-         pulse, at most {max} are allowed; lower `background_w` or limit the range"
+        "{photons:.1e} photoelectrons a second of background light and dark counts make about {returns:.0} \
+         returns per pulse, at most {max} are allowed; lower `background_w`, `dark_counts_hz` or `pixels`, \
+         or limit the range with `range_max_m`"
     )]
     Background {
-        /// Photoelectrons of the background per second.
+        /// Photoelectrons of background light and dark counts per second.
         photons: f64,
         /// Mean number of its returns per pulse.
         returns: f64,

@@ -180,7 +180,8 @@ impl Session {
     fn instrument_warnings(&self) -> Result<Diagnostics> {
         let Settings { survey, physics, flight, strict, .. } = self.settings();
         let mut found = plausibility::check_instrument(survey, &physics.corrections);
-        found.extend(plausibility::check_weather_times(survey, flight.gps_start_ns));
+        let end = self.end_of_weather_flight();
+        found.extend(plausibility::check_weather_times(survey, flight.gps_start_ns, end));
         if self.has_spectra() && !physics.corrections.channel_spectra {
             found.extend(plausibility::check_wavelengths(survey));
         }

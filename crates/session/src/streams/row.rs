@@ -209,9 +209,11 @@ fn check_numbers(values: &Values, present: ColumnSet) -> Result<(), RowFault> {
         }
         let bounds = bounds(entry);
         if !bounds.contains(value) {
+            // Bounds of times are stated in seconds.
+            let shown = if entry.dimension() == Dimension::Time { value / 1e9 } else { value };
             return Err((
                 entry.column,
-                format!("{} is {}, expected {}", entry.name(), quantity::number(value), bounds.expected),
+                format!("{} is {}, expected {}", entry.name(), quantity::number(shown), bounds.expected),
             ));
         }
     }
@@ -369,6 +371,6 @@ mod tests {
         refuse(PulseColumn::X, 1e11, "x is 100000000000, expected metres");
         refuse(PulseColumn::RangeError, -1e300, "is -1e300, expected metres");
         refuse(PulseColumn::ScanAngle, 1e300, "to 1e12");
-        refuse(PulseColumn::Time, 1e21, "expected seconds");
+        refuse(PulseColumn::Time, 1e21, "time is 1000000000000, expected seconds");
     }
 }

@@ -588,7 +588,8 @@ keys! {
         head_rate_deg_per_s = "headRotatePerSec_deg" in HEAD_RATE;
         /// Angle at which the head starts, degrees. Default: 0.
         head_start_deg = "headRotateStart_deg" in ANGLE;
-        /// Angle at which the head stops, degrees. Default: 0.
+        /// Angle at which the head stops, degrees; the leg lasts at least until then. Default: 0. A head that
+        /// stops at the angle of its start turns until the platform arrives.
         head_stop_deg = "headRotateStop_deg" in ANGLE;
         /// Spacing of lines along the mirror's sweep, degrees: with the horizontal one it replaces scan
         /// frequency and head speed (`rotating` only).

@@ -115,6 +115,7 @@ pub(crate) fn corrected_channels(
         return None;
     }
     fields.either(K.corrections, K.elevations_deg);
+    fields.either(K.firing_times, K.firing_offset_us);
     Some(channels_of(fields, scanner, ouster))
 }
 
@@ -249,6 +250,10 @@ fn corrected(fields: &mut Fields, scanner: &Scanner, ouster: ReadBeams) -> Optio
     }
     let has_times = !times.is_empty();
     if has_times {
+        if fields.has(K.firing_offset_us) {
+            let message = "and a column of firing times in `corrections` contradict each other";
+            fields.error(K.firing_offset_us, message);
+        }
         set_times(&mut devices, &times);
     }
     Some(Corrected { devices, numbers, has_times })

@@ -71,8 +71,11 @@ fn rows_with_times_say_when_pulses_leave() {
     let (survey, warnings) = pattern("pulse_freqs_hz = [500]", rows).unwrap();
     contains(&warnings.text(), &["have no effect beside `pulse_freqs_hz`"]);
     assert_eq!((survey.legs[0].scanner.pulse_times.clone(), survey.legs[0].scanner.pulse_freq), (None, 500));
-    let read = of_files(PATTERN, "pulse_freq_hz = 2", &[("rows.csv", rows.as_bytes())]);
-    assert_eq!(fine(read).legs[0].scanner.pulse_times, None);
+    for rate in ["2", "500"] {
+        let settings = format!("pulse_freq_hz = {rate}");
+        let read = of_files(PATTERN, &settings, &[("rows.csv", rows.as_bytes())]);
+        assert_eq!(fine(read).legs[0].scanner.pulse_times, None);
+    }
 }
 
 #[test]
@@ -340,6 +343,18 @@ fn firing_times_are_those_of_the_corrected_channels() {
     ] {
         contains(&refused(read(angles, times)), &[words]);
     }
+    // A firing offset of all channels would be ignored beside firing times.
+    let offset = |files: &str| {
+        let keys = format!(
+            "optics = \"conic\"\npulse_freqs_hz = [1000]\nhead_rate_max_deg_per_s = 3600\n\
+             firing_offset_us = 1\n{files}"
+        );
+        let angles = b"channel,elevation,azimuth,firing_time_us\n1,3,0,0\n2,-3,0,1\n";
+        refused(of_files(&keys, turn, &[("angles.csv", &angles[..]), ("times.csv", b"1,0\n2,5\n")]))
+    };
+    contains(&offset("corrections = \"angles.csv\""), &["`firing_offset_us` and a column of firing times"]);
+    let both = offset("elevations_deg = [1, 2]\nfiring_times = \"times.csv\"");
+    contains(&both, &["give either `firing_times` or `firing_offset_us`"]);
 }
 
 #[test]

@@ -19,6 +19,8 @@ fn read(common: &str, own: &str) -> vlscan_base::Result<(Vec<Weather>, Diagnosti
         ("thick.csv", "10 0.01 0 0 0\n"),
         ("few.csv", "10 100\n"),
         ("empty.csv", "# nothing\n"),
+        ("swapped.csv", "time_s,dust,rain_mm_h,snow_mm_h,mor_m\n10,0.5,0,0,0\n"),
+        ("ms.csv", "time_ms,mor_m,rain_mm_h,snow_mm_h,dust\n10,0,5,0,0\n"),
     ];
     let folder = Folder::new(&files);
     let read = read_pipeline(&folder.path("p.toml"));
@@ -78,6 +80,8 @@ fn weather_that_cannot_be_is_refused() {
         ("over_time = \"thick.csv\"", "a meteorological optical range of 0.1 to 1e9 m, or 0"),
         ("over_time = \"few.csv\"", "five finite numbers"),
         ("over_time = \"empty.csv\"", "empty.csv` has no line of numbers"),
+        ("over_time = \"swapped.csv\"", "expected `mor_m` as column 2, found `dust`"),
+        ("over_time = \"ms.csv\"", "expected `time_s` as column 1, found `time_ms`"),
         ("over_time = \"none.csv\"", "cannot find the file `none.csv`"),
     ] {
         contains(&refused(read(keys, "")), &[message]);

@@ -30,12 +30,30 @@ const MAX_FILE_BYTES: u64 = 1 << 24;
 /// Maximum number of reported problems of one file.
 const MAX_PROBLEMS: usize = 200;
 
-/// The tables with headers that have a key of this name, such as `[settings]`; `None` if there are none.
+/// Tables that have a key of this name: those with headers, such as `[settings]`, else those within them,
+/// such as `weather` of `[settings]`. `None` if there are none.
 fn tables_with(key: &str) -> Option<String> {
-    let has_key = |table: &&KeyTable| table.keys.iter().any(|(name, _)| *name == key);
-    let tables = SURVEY_TABLES.iter().filter(|table| table.name.starts_with('[')).filter(has_key);
-    let names: Vec<&str> = tables.map(|table| table.name).collect();
+    let headed = headed_tables_with(key);
+    if !headed.is_empty() {
+        return Some(headed.join(" and "));
+    }
+    let inner = SURVEY_TABLES.iter().filter(|table| !table.name.is_empty() && has_key(table, key));
+    let names = inner.filter_map(|table| {
+        let outer = headed_tables_with(table.name);
+        (!outer.is_empty()).then(|| format!("`{}` of {}", table.name, outer.join(" and ")))
+    });
+    let names: Vec<String> = names.collect();
     (!names.is_empty()).then(|| names.join(" and "))
+}
+
+/// Headers of the tables that have a key of this name.
+fn headed_tables_with(key: &str) -> Vec<&'static str> {
+    let tables = SURVEY_TABLES.iter().filter(|table| table.name.starts_with('[') && has_key(table, key));
+    tables.map(|table| table.name).collect()
+}
+
+fn has_key(table: &KeyTable, key: &str) -> bool {
+    table.keys.iter().any(|(name, _)| *name == key)
 }
 
 impl Source {

@@ -5,10 +5,12 @@
 //! clock, and the states from jumps ([`FlightState::jump`]); of a stream both come from its poses.
 
 use super::super::chunk::wait_for_poses;
+use super::super::session::Session;
 use std::time::Duration;
 use vlscan_base::error::{Error, Result};
 use vlscan_lidar::flight::{FlightPlan, FlightState, LegClock, Step};
 use vlscan_lidar::platform::{PollResult, Pose, PoseReader};
+use vlscan_survey::PlatformKind;
 use vlscan_warehouse::Stop;
 
 /// Pulses of a stratum that are measured at most.
@@ -74,6 +76,46 @@ impl Timeline {
     fn of_legs(flight: &FlightPlan) -> Timeline {
         let leg = |i| LegTime { clock: flight.leg(i), seconds: 0.0, pulses: 0.0 };
         Timeline { legs: (0..flight.leg_count()).map(leg).collect(), ..Timeline::default() }
+    }
+}
+
+impl Session {
+    /// Numbers of the legs of a flight along waypoints, each with the time from the start of the flight to
+    /// that of the leg, s. Empty for recorded flights, whose poses have times, for stationary platforms in
+    /// scenes without moving parts, and for flights of more than 100 million steps.
+    ///
+    /// # Errors
+    /// As for [`Session::plan_flight`].
+    pub fn leg_starts(&self, stop: &Stop) -> Result<Vec<(u32, f64)>> {
+        let kind = &self.survey().platform.kind;
+        let is_still = matches!(kind, PlatformKind::Static) && self.motion().is_none();
+        if is_still || matches!(kind, PlatformKind::Interpolated(_) | PlatformKind::Stream(_)) {
+            return Ok(Vec::new());
+        }
+        let (flight, _) = self.plan_flight_quietly()?;
+        let Some(timeline) = step_through(&flight, stop)? else { return Ok(Vec::new()) };
+        let mut next = 0.0;
+        let starts = timeline.legs.iter().map(|leg| {
+            let start = next;
+            next += leg.seconds;
+            (leg.clock.number, start)
+        });
+        Ok(starts.collect())
+    }
+
+    /// GPS time at which a flight with weather over time ends, s of the week. `None` for flights without such
+    /// weather, recorded flights, flights of more than 100 million steps, and legs that cannot be flown,
+    /// which a run reports and pulses of a table do not need.
+    pub(in super::super) fn end_of_weather_flight(&self) -> Option<f64> {
+        let survey = self.survey();
+        let is_recorded =
+            matches!(survey.platform.kind, PlatformKind::Interpolated(_) | PlatformKind::Stream(_));
+        if is_recorded || survey.legs.iter().all(|leg| leg.scanner.weather.over_time.is_none()) {
+            return None;
+        }
+        let (flight, _) = self.plan_flight_quietly().ok()?;
+        let timeline = step_through(&flight, &Stop::new()).ok()??;
+        Some(self.settings().flight.gps_start_ns / 1e9 + timeline.seconds())
     }
 }
 
@@ -245,7 +287,7 @@ mod tests {
     use std::io::Read;
     use vlscan_geom::DVec3;
     use vlscan_lidar::flight::FlightOptions;
-    use vlscan_survey::{PlatformKind, PoseStream, testkit};
+    use vlscan_survey::{PoseStream, testkit};
     use vlscan_tables::input::InputStream;
 
     /// Lines of poses without end.

@@ -82,24 +82,29 @@ pub fn check_energy_model(survey: &Survey, options: &PhysicsOptions) -> Diagnost
     found
 }
 
-/// Warns of weather over time that ends before a flight along waypoints starts at `start_ns`, in ns.
-pub fn check_weather_times(survey: &Survey, start_ns: f64) -> Diagnostics {
+/// Warns of weather over time that ends before a flight along waypoints starts at `start_ns`, in ns, or
+/// begins after it ends at `end` s, if that is known.
+pub fn check_weather_times(survey: &Survey, start_ns: f64, end: Option<f64>) -> Diagnostics {
     let mut found = Diagnostics::default();
     if matches!(survey.platform.kind, PlatformKind::Interpolated(_) | PlatformKind::Stream(_)) {
         return found;
     }
     let start = start_ns / 1e9;
-    let last_time = |leg: &Leg| match leg.scanner.weather.over_time.as_deref()? {
-        [_, .., (last, _)] if leg.scanner.active && *last <= start => Some(*last),
+    let doubt = |leg: &Leg| match leg.scanner.weather.over_time.as_deref()? {
+        [_, .., (last, _)] if leg.scanner.active && *last <= start => Some(format!(
+            "ends at {} s, before the run starts at {} s: its last line",
+            number(*last),
+            number(start)
+        )),
+        [(first, _), _, ..] if leg.scanner.active && end.is_some_and(|end| end <= *first) => Some(format!(
+            "begins at {} s, after the run ends at {} s: its first line",
+            number(*first),
+            number(end.unwrap_or(start))
+        )),
         _ => None,
     };
-    if let Some((leg, last)) = survey.legs.iter().find_map(|leg| Some((leg, last_time(leg)?))) {
-        let message = format!(
-            "the file of the weather over time ends at {} s, before the run starts at {} s: its last line \
-             applies throughout",
-            number(last),
-            number(start)
-        );
+    if let Some((leg, doubt)) = survey.legs.iter().find_map(|leg| Some((leg, doubt(leg)?))) {
+        let message = format!("the file of the weather over time {doubt} applies throughout");
         found
             .warn(leg.place.clone().or_else(|| survey_place(survey)), message)
             .help("give GPS times of the week, as points have them, or start the run with --gps-start");
@@ -354,24 +359,31 @@ mod tests {
     }
 
     #[test]
-    fn weather_that_ends_before_the_run_is_told() {
+    fn weather_that_ends_before_the_run_or_begins_after_it_is_told() {
         let mut foul = survey(vec![tls_device(4.0)]);
-        let reported = |foul: &Survey| check_weather_times(foul, 86_418e9).text();
+        let reported = |foul: &Survey| check_weather_times(foul, 86_418e9, Some(86_428.0)).text();
         assert_eq!(reported(&foul), "");
         let over_time = |times: &[f64]| Some(times.iter().map(|time| (*time, AirState::default())).collect());
-        for (times, is_early) in [
-            (&[0.0, 10.0][..], true),
-            (&[0.0, 86_418.0], true),
-            (&[0.0, 86_419.0], false),
+        for (times, expected) in [
+            (&[0.0, 10.0][..], "ends at 10 s, before the run starts at 86418 s: its last line applies"),
+            (&[0.0, 86_418.0], "ends at 86418 s, before"),
+            (&[0.0, 86_419.0], ""),
+            (&[86_427.0, 86_429.0], ""),
+            (&[90_000.0, 9e9], "begins at 90000 s, after the run ends at 86428 s: its first line applies"),
             // A single line is constant weather.
-            (&[0.0], false),
+            (&[0.0], ""),
+            (&[90_000.0], ""),
         ] {
             foul.legs[0].scanner.weather.over_time = over_time(times);
-            assert_eq!(reported(&foul).is_empty(), !is_early, "{times:?}");
+            let found = reported(&foul);
+            assert!(
+                found.contains(expected) && found.is_empty() == expected.is_empty(),
+                "{times:?}: {found}"
+            );
         }
-        foul.legs[0].scanner.weather.over_time = over_time(&[0.0, 10.0]);
-        let found = reported(&foul);
-        assert!(found.contains("ends at 10 s, before the run starts at 86418 s"), "{found}");
+        foul.legs[0].scanner.weather.over_time = over_time(&[90_000.0, 90_001.0]);
+        assert_eq!(check_weather_times(&foul, 86_418e9, None).text(), "");
+        assert_ne!(reported(&foul), "");
         foul.legs[0].scanner.active = false;
         assert_eq!(reported(&foul), "");
     }

@@ -11,7 +11,7 @@ use vlscan_base::error::Result;
 use vlscan_base::quantity::{amount, amount_of, fixed, metres, number};
 use vlscan_geom::{Aabb, DVec3, Rotation};
 use vlscan_scene::Scene;
-use vlscan_survey::PlatformKind;
+use vlscan_survey::{PlatformKind, Survey};
 use vlscan_trace::Tree;
 
 /// Points per pulse below which a run is reported.
@@ -232,7 +232,10 @@ impl YieldCheck<'_> {
              fourth power of the range, so fly lower, or give reflectances (`vlscan scene info` lists them) \
              and the threshold in its units"
         };
-        Finding::new(message, height.map_or(help.to_owned(), |hint| format!("{hint}; {help}")))
+        let air = in_weather(&self.settings.survey).filter(|_| corrections.radiometry);
+        let hints: Vec<String> =
+            air.map(str::to_owned).into_iter().chain(height).chain([help.to_owned()]).collect();
+        Finding::new(message, hints.join("; "))
     }
 
     /// The finding of a run whose pulses hit within the dead zone.
@@ -299,6 +302,12 @@ impl YieldCheck<'_> {
             None
         }
     }
+}
+
+/// Advice for a survey in fog, rain, snow or dust.
+fn in_weather(survey: &Survey) -> Option<&'static str> {
+    let is_foul = survey.legs.iter().any(|leg| leg.scanner.active && !leg.scanner.weather.is_clear());
+    is_foul.then_some("fog, rain, snow and dust dim the light: reduce them in `weather` of the settings")
 }
 
 /// Number of pulses that met the scene and gave no echo.
@@ -441,6 +450,15 @@ mod tests {
             }
         }
         assert_eq!(find([0.0, 0.0, 50.0], 9000, [100, 100, 0], 1000), None);
+    }
+
+    #[test]
+    fn weather_is_named_where_it_dims_the_light() {
+        let path = std::path::Path::new("../../fixtures/room/survey.xml");
+        let mut survey = read_survey(path, &ReadOptions::default()).unwrap().0;
+        assert_eq!(in_weather(&survey), None);
+        survey.legs[0].scanner.weather.air.dust = 50.0;
+        assert!(in_weather(&survey).is_some_and(|advice| advice.contains("`weather`")));
     }
 
     #[test]
