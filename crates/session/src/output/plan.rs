@@ -7,6 +7,7 @@ use super::layout::{Content, FilePlan, OutputLayout, OutputLocation};
 use super::points::CloudFacts;
 use super::request::{OutputRequest, Target};
 use super::summary::FileSummary;
+use super::unused::warn_of_unused;
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::IsTerminal as _;
 use std::path::{Path, PathBuf};
@@ -279,9 +280,7 @@ fn check_requests(request: &OutputRequest, context: &OutputContext, problems: &m
             )
             .help("-o points.csv, .xyz, .arrow or .parquet");
     }
-    if request.uses_columns() && !request.uses_all_columns() {
-        warn_of_unused_columns(request, problems);
-    }
+    warn_of_unused(request, problems);
     check_frames(request, problems);
     if request.split_by_channel
         && context.devices.len() > 1
@@ -297,25 +296,6 @@ fn check_requests(request: &OutputRequest, context: &OutputContext, problems: &m
     }
 }
 
-/// Warns of chosen columns that no output has.
-fn warn_of_unused_columns(request: &OutputRequest, problems: &mut Diagnostics) {
-    let formats: Vec<PointFormat> = request.sinks.iter().map(|(_, format)| *format).collect();
-    let unused = PointFormat::unused_columns(&formats, &request.cloud);
-    if unused.is_empty() {
-        return;
-    }
-    let has = |column: Column| unused.contains(&column);
-    let other = match (has(Column::HeightAboveGround), has(Column::TrueX)) {
-        (true, _) => "; --height-above-ground writes the height to las, laz and ply",
-        (false, true) => "; --true-positions writes them to las and laz",
-        (false, false) => "",
-    };
-    let names: Vec<&str> = unused.iter().map(|column| column.name()).collect();
-    problems
-        .warn(None, format!("--columns: the outputs have no {}", names.join(", ")))
-        .help(format!("-o points.csv, .xyz, .arrow or .parquet{other}"));
-}
-
 /// Reports problems of the frames of MCAP.
 fn check_frames(request: &OutputRequest, problems: &mut Diagnostics) {
     let has_frames = request.has_frames();
@@ -327,6 +307,11 @@ fn check_frames(request: &OutputRequest, problems: &mut Diagnostics) {
         problems
             .error(None, "--world-frame and --sensor-frame apply to MCAP output only")
             .help("-o points.mcap");
+    }
+    for (option, name) in [("--world-frame", &names.world), ("--sensor-frame", &names.sensor)] {
+        if name.trim().is_empty() {
+            problems.error(None, format!("{option}: the name of the frame is empty")).help("map, lidar");
+        }
     }
     if names.world == names.sensor {
         let message = format!("--world-frame and --sensor-frame are both \"{}\"", names.world);

@@ -7,7 +7,7 @@ use std::fmt::Debug;
 use std::path::PathBuf;
 use std::sync::Arc;
 use vlscan_base::error::Result;
-use vlscan_formats::{CloudSettings, Column, FrameNames, Needs, PointFormat};
+use vlscan_formats::{CloudSettings, Column, FrameNames, LasSettings, Needs, PointFormat};
 use vlscan_lidar::flight::DEFAULT_DAY;
 
 /// Format of a trajectory.
@@ -228,6 +228,11 @@ impl OutputRequest {
         self.sinks.iter().any(|(_, format)| format.has_frames())
     }
 
+    /// True if an output has records of LAS.
+    fn has_las(&self) -> bool {
+        self.sinks.iter().any(|(_, format)| format.is_las())
+    }
+
     /// True if an output is a folder, whose points can be divided.
     pub(super) fn has_folder(&self) -> bool {
         self.sinks.iter().any(|(target, _)| matches!(target, Target::Directory(_)))
@@ -262,13 +267,18 @@ impl OutputRequest {
 }
 
 /// Leaves out the options of each of several runs that apply to outputs of the others only: columns, frames
-/// and their names, the division of folders. Options that apply to no run stay, and are errors.
+/// and their names, the division of folders, settings of LAS. Options that apply to no run stay, and are
+/// errors or warnings.
 pub fn leave_options_to_others(runs: &mut [&mut OutputRequest]) {
-    let uses: [fn(&OutputRequest) -> bool; 3] =
-        [OutputRequest::uses_columns, OutputRequest::has_frames, OutputRequest::has_folder];
+    let uses: [fn(&OutputRequest) -> bool; 4] = [
+        OutputRequest::uses_columns,
+        OutputRequest::has_frames,
+        OutputRequest::has_folder,
+        OutputRequest::has_las,
+    ];
     let is_used = uses.map(|is_of| runs.iter().any(|run| is_of(run)));
     for run in runs {
-        let [columns, frames, division] = [0, 1, 2].map(|i| is_used[i] && !uses[i](run));
+        let [columns, frames, division, las] = [0, 1, 2, 3].map(|i| is_used[i] && !uses[i](run));
         if columns {
             run.cloud.columns = None;
         }
@@ -277,6 +287,9 @@ pub fn leave_options_to_others(runs: &mut [&mut OutputRequest]) {
         }
         if division {
             run.division = None;
+        }
+        if las {
+            run.cloud.las = LasSettings::default();
         }
     }
 }
@@ -293,6 +306,7 @@ mod tests {
             request.sinks = formats.iter().map(sink).collect();
             request.cloud.columns = Some(vec![Column::GpsTime]);
             request.cloud.frame_names.world = "street".to_owned();
+            request.cloud.las.scale = Some(0.001);
             request
         };
         let mut runs = [&[PointFormat::Laz][..], &[PointFormat::Mcap], &[PointFormat::Xyz]].map(run);
@@ -300,6 +314,7 @@ mod tests {
         assert_eq!(runs.each_ref().map(|run| run.frame_s), [None, Some(0.1), None]);
         assert_eq!(runs.each_ref().map(|run| run.cloud.columns.is_some()), [false, false, true]);
         assert_eq!(runs[1].cloud.frame_names.world, "street");
+        assert_eq!(runs.each_ref().map(|run| run.cloud.las.scale), [Some(0.001), None, None]);
         assert_eq!(runs[0].cloud.frame_names, FrameNames::default());
         // No run has a use for them.
         let mut runs = [&[PointFormat::Laz][..], &[PointFormat::Las]].map(run);
