@@ -62,7 +62,7 @@ pub use info::scene_json;
 pub use manual::command as command_line;
 pub use messages::MessageFormat;
 
-use clap::{ArgMatches, CommandFactory, FromArgMatches};
+use clap::{ArgMatches, FromArgMatches};
 use std::ffi::OsString;
 use std::io::Write as _;
 use std::path::Path;
@@ -119,7 +119,7 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> u8 {
 /// Examples and lists of the manual are only composed where help or an error is the result: composing them
 /// takes longer than parsing.
 fn parsed(words: &[OsString]) -> Result<(Cli, String), clap::Error> {
-    let found = Cli::command()
+    let found = Cli::definition()
         .try_get_matches_from(words)
         .or_else(|_| manual::command().try_get_matches_from(words))?;
     Ok((Cli::from_arg_matches(&found)?, name_of(&found)))

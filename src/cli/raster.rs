@@ -1,7 +1,7 @@
 //! `vlscan raster`: terrain, surface, canopy height and densities of point clouds as GeoTIFF.
 
 use super::args::RasterArgs;
-use super::cloud_info::check_cloud;
+use super::cloud_info::check_clouds;
 use super::watch::during;
 use super::{Console, messages};
 use std::io::IsTerminal as _;
@@ -17,6 +17,7 @@ use vlscan_tools::raster::{CloudRasters, RasterKind};
 pub fn run(args: &RasterArgs, console: &Console) -> Result<()> {
     let requested = args.files.requested();
     check(args, &requested)?;
+    check_clouds(&args.clouds, console)?;
     let crs = args.crs.as_ref().map(vlscan_options::Crs::wkt).transpose()?;
     let kinds: Vec<RasterKind> = requested.iter().map(|(kind, _)| *kind).collect();
     let clouds = CloudSource::files(&args.clouds);
@@ -70,7 +71,7 @@ fn terrain_reach(kind: RasterKind, rasters: &CloudRasters) -> String {
     }
 }
 
-/// Rejects files that would replace others, and inputs other than point clouds, before anything is read.
+/// Rejects files that would replace others, before anything is read.
 fn check(args: &RasterArgs, requested: &[(RasterKind, &Path)]) -> Result<()> {
     if requested.is_empty() {
         return Err(Error::input(
@@ -99,5 +100,5 @@ fn check(args: &RasterArgs, requested: &[(RasterKind, &Path)]) -> Result<()> {
         refuse_unwritable(path, args.force)?;
         reads::refuse_input_of(path, &args.clouds)?;
     }
-    args.clouds.iter().try_for_each(|cloud| check_cloud(cloud))
+    Ok(())
 }

@@ -42,7 +42,7 @@ pub use tools::{
 
 use super::{LogTo, MessageFormat, Verbosity};
 use clap::builder::{PathBufValueParser, TypedValueParser};
-use clap::{ArgAction, Parser, Subcommand};
+use clap::{ArgAction, CommandFactory as _, Parser, Subcommand};
 use std::path::PathBuf;
 use vlscan_base::files::means_stdout;
 use vlscan_options::Switch;
@@ -118,6 +118,12 @@ pub struct Cli {
 }
 
 impl Cli {
+    /// The command line of all commands. Negative numbers after an option are its value, so that the message
+    /// says what the option expects; they would be unknown options.
+    pub fn definition() -> clap::Command {
+        with_negative_numbers(Cli::command())
+    }
+
     /// The verbosity that the flags ask for.
     pub fn verbosity(&self) -> Verbosity {
         match (self.silent, self.quiet, self.verbose, self.times) {
@@ -137,6 +143,15 @@ impl Cli {
             _ => LogTo::Stderr,
         }
     }
+}
+
+fn with_negative_numbers(command: clap::Command) -> clap::Command {
+    command
+        .mut_args(|arg| {
+            let has_value = !arg.is_positional() && arg.get_action().takes_values();
+            if has_value { arg.allow_negative_numbers(true) } else { arg }
+        })
+        .mut_subcommands(with_negative_numbers)
 }
 
 /// Subcommands.
@@ -277,6 +292,23 @@ mod tests {
             all.extend(commands(sub, &names));
         }
         all
+    }
+
+    #[test]
+    fn negative_numbers_are_values_that_options_refuse_by_what_they_expect() {
+        for (line, expected) in [
+            ("vlscan raster a.las --dsm s.tif --cell -1", "expected a number above 0"),
+            ("vlscan run a.xml --tile -5", "expected a number above 0"),
+            ("vlscan run a.xml --threads -1", "expected a whole number, 0 or greater"),
+            ("vlscan run a.xml --max-memory -1", "expected a number of bytes"),
+            ("vlscan scene make forest -n -5 -o f", "expected a number such as"),
+            ("vlscan preview a.las -o p.png --width -5", "-5 is not in 320..=16384"),
+        ] {
+            let refused = Cli::definition().try_get_matches_from(line.split(' ')).unwrap_err();
+            assert_eq!(refused.kind(), ErrorKind::ValueValidation, "{line}: {refused}");
+            assert!(refused.to_string().contains(expected), "{line}: {refused}");
+        }
+        assert!(Cli::definition().try_get_matches_from(["vlscan", "run", "a.xml", "--seed", "-5"]).is_ok());
     }
 
     #[test]

@@ -4,6 +4,7 @@ use super::PointMemory;
 use clap::{Args, Subcommand};
 use std::ffi::OsString;
 use std::path::PathBuf;
+use vlscan_options::values::whole;
 use vlscan_options::{ChunkSize, Count, WarehouseFactor, choice};
 use vlscan_tools::preview::ColourBy;
 use vlscan_trace::Builder;
@@ -39,7 +40,7 @@ pub struct BenchArgs {
     #[arg(long, value_name = "N", default_value = "4")]
     pub warehouse_factor: WarehouseFactor,
     /// Numbers of threads to compare. [default: 1, 2, 4, … to all]
-    #[arg(short = 'j', long, value_name = "N,…", value_delimiter = ',')]
+    #[arg(short = 'j', long, value_name = "N,…", value_delimiter = ',', value_parser = whole::<usize>)]
     pub threads: Vec<usize>,
     /// Number of measurements of each setting, after a warm-up run; the shortest time is reported.
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..))]
@@ -124,7 +125,7 @@ pub struct PreviewArgs {
     pub out: PathBuf,
     /// Plot the waveform of this pulse, its echoes marked with their fitted widths; the number is the eighth
     /// column of point files.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = whole::<u64>)]
     pub pulse: Option<u64>,
     /// Attribute that sets the colour. [default: height; for a survey the density of pulses in a picture,
     /// and in a page the flight line that covers the point, grey where none does]
