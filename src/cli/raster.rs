@@ -6,18 +6,25 @@ use super::watch::during;
 use super::{Console, messages};
 use std::io::IsTerminal as _;
 use std::path::Path;
+use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{FileGroup, FileWriter, Patched, means_stdout, reads, refuse_unwritable};
 use vlscan_base::machine;
 use vlscan_base::quantity::{amount, amount_of, number};
 use vlscan_crs as crs;
 use vlscan_tools::cloud::CloudSource;
-use vlscan_tools::raster::{CloudRasters, RasterKind};
+use vlscan_tools::raster::{CloudRasters, RasterKind, RasterOptions};
 
 pub fn run(args: &RasterArgs, console: &Console) -> Result<()> {
     let requested = args.files.requested();
     check(args, &requested)?;
     check_clouds(&args.clouds, console)?;
+    if args.options.fill != RasterOptions::default().fill && !requested.iter().any(|(k, _)| k.needs_ground())
+    {
+        let mut found = Diagnostics::default();
+        found.warn(None, "--fill has no effect: it is for --dtm and --chm");
+        console.warnings(&found)?;
+    }
     let crs = args.crs.as_ref().map(vlscan_options::Crs::wkt).transpose()?;
     let kinds: Vec<RasterKind> = requested.iter().map(|(kind, _)| *kind).collect();
     let clouds = CloudSource::files(&args.clouds);

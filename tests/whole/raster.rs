@@ -204,7 +204,7 @@ fn rasters_that_cannot_be_made_are_refused() {
 }
 
 #[test]
-fn clouds_that_are_named_twice_are_told() {
+fn clouds_that_are_named_twice_and_unused_options_are_told() {
     let dir = folder();
     let points = b"1 2 3\n4 5 6\n";
     for command in [&["info", "-", "-"][..], &["raster", "-", "-", "--dsm", "a.tif"], &["compare", "-", "-"]]
@@ -214,6 +214,8 @@ fn clouds_that_are_named_twice_are_told() {
         assert!(text(&out.stderr).contains("can be read only once"), "{command:?}: {}", text(&out.stderr));
     }
     fs::write(dir.path().join("b.xyz"), points).unwrap();
+    let said = text(&succeed(dir.path(), &["raster", "b.xyz", "--dsm", "b.tif", "--fill", "5"]).stderr);
+    assert!(said.contains("--fill has no effect"), "{said}");
     for command in [&["info", "b.xyz", "./b.xyz"][..], &["raster", "b.xyz", "./b.xyz", "--dsm", "a.tif"]] {
         let said = text(&succeed(dir.path(), command).stderr);
         assert!(said.contains("named twice"), "{command:?}: {said}");

@@ -138,7 +138,7 @@ pub struct PreviewArgs {
     #[arg(
         long,
         value_name = "PIXELS",
-        default_value_t = 1600,
+        default_value_t = PreviewArgs::WIDTH,
         value_parser = clap::value_parser!(u32).range(320..=16_384),
     )]
     pub width: u32,
@@ -146,7 +146,7 @@ pub struct PreviewArgs {
     #[arg(
         long,
         value_name = "PIXELS",
-        default_value_t = 1000,
+        default_value_t = PreviewArgs::HEIGHT,
         value_parser = clap::value_parser!(u32).range(240..=16_384),
     )]
     pub height: u32,
@@ -162,6 +162,15 @@ pub struct PreviewArgs {
     /// Replace an existing file, and write a picture to a terminal.
     #[arg(long)]
     pub force: bool,
+}
+
+impl PreviewArgs {
+    /// Default width of pictures, pixels.
+    pub const WIDTH: u32 = 1600;
+    /// Default height of pictures, pixels.
+    pub const HEIGHT: u32 = 1000;
+    /// Default number of points in a page.
+    pub const PAGE_POINTS: u64 = 5_000_000;
 }
 
 /// `vlscan completions`.
