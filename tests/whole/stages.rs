@@ -464,6 +464,8 @@ fn legs_and_ranges_that_points_cannot_have_are_refused() {
     let head = "x,y,z,dx,dy,dz,leg\n0,0,100,0,0,-1,";
     let said = refused(&format!("{head}65535\n"), &[]);
     assert!(said.contains("leg 65535, expected at most 65534"), "{said}");
+    let said = refused("x,y,z,azimuth_deg,elevation\n0,0,100,0,-90\n", &[]);
+    assert!(said.contains("a second column for z") && said.contains("elevation_deg"), "{said}");
     let said = refused(&format!("{head}0\n"), &["--range-min", "20", "--range-max", "10"]);
     assert!(said.contains("the nearest range, 20 m, is beyond the farthest, 10 m"), "{said}");
 }
