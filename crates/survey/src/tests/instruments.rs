@@ -294,6 +294,10 @@ fn keys_of_another_table_name_it() {
             "`pulse_freq_hz` is a key of [settings]; did you mean `pulse_freqs_hz` here?",
         ),
         (format!("{scanner}[settings]\nspeed_m_per_s = 5"), "`speed_m_per_s` is a key of [[leg]]"),
+        (
+            format!("{scanner}scene = 'b.obj'"),
+            "`scene` is a key of the file itself: write it above the first table",
+        ),
     ] {
         contains(&refused_pipeline(&lines), &[help]);
     }

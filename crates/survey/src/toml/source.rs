@@ -10,6 +10,7 @@ use serde::de::Visitor;
 use std::collections::{BTreeMap, HashMap};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 use toml::Spanned;
 use toml::de::{DeString, DeTable, DeValue, Deserializer, ValueDeserializer};
 use vlscan_base::diag::{Diagnostic, Diagnostics, Place, ProblemKind, nearest};
@@ -23,6 +24,8 @@ use vlscan_tables::input::read_file;
 pub struct Source {
     path: PathBuf,
     text: String,
+    /// The keys that other crates take, by table; known once the survey is read.
+    taken: OnceLock<BTreeMap<&'static str, Vec<&'static str>>>,
 }
 
 /// Maximum size of a file, bytes.
@@ -30,13 +33,8 @@ const MAX_FILE_BYTES: u64 = 1 << 24;
 /// Maximum number of reported problems of one file.
 const MAX_PROBLEMS: usize = 200;
 
-/// The tables with headers that have a key of this name, such as `[settings]`; `None` if there are none.
-fn tables_with(key: &str) -> Option<String> {
-    let has_key = |table: &&KeyTable| table.keys.iter().any(|(name, _)| *name == key);
-    let tables = SURVEY_TABLES.iter().filter(|table| table.name.starts_with('[')).filter(has_key);
-    let names: Vec<&str> = tables.map(|table| table.name).collect();
-    (!names.is_empty()).then(|| names.join(" and "))
-}
+/// Description of the keys above all tables.
+const TOP: &str = "the file itself: write it above the first table";
 
 impl Source {
     /// Reads a file.
@@ -49,7 +47,7 @@ impl Source {
             return Err(found.error(path));
         }
         match decode(&bytes) {
-            Ok(text) => Ok(Source { path: path.to_path_buf(), text }),
+            Ok(text) => Ok(Source::of_text(path, text)),
             Err(e) => {
                 let (line, excerpt) = line_of_bytes(&bytes, e.at);
                 let mut problems = Diagnostics::default();
@@ -61,7 +59,7 @@ impl Source {
 
     /// A text in memory; `path` is its name in messages, and its folder the one that names are relative to.
     pub fn of_text(path: &Path, text: String) -> Source {
-        Source { path: path.to_path_buf(), text }
+        Source { path: path.to_path_buf(), text, taken: OnceLock::new() }
     }
 
     /// Folder of the file, to which relative names in it refer.
@@ -138,10 +136,24 @@ impl Source {
         }
     }
 
+    /// The places that have a key of this name, such as `[settings]`; `None` if there are none.
+    fn tables_with(&self, key: &str) -> Option<String> {
+        let has_key = |table: &&KeyTable| table.keys.iter().any(|(name, _)| *name == key);
+        let of_survey = SURVEY_TABLES.iter().filter(has_key).map(|table| table.name);
+        let taken = self.taken.get().into_iter().flatten().filter(|(_, keys)| keys.contains(&key));
+        let of_options = taken.map(|(table, _)| format!("[{table}]"));
+        let mut names: Vec<String> = of_survey.map(str::to_owned).chain(of_options).collect();
+        // Tables within lines have no headers.
+        let is_top = names.iter().any(|name| name.is_empty() || name == "[]");
+        names.retain(|name| name.starts_with('[') && name != "[]");
+        names.extend(is_top.then(|| TOP.to_owned()));
+        (!names.is_empty()).then(|| names.join(" and "))
+    }
+
     /// Records a key that is not in `known`.
     pub(crate) fn report_unknown(&self, key: &Spanned<DeString>, known: &[&str], problems: &mut Diagnostics) {
         let near = nearest(key.get_ref(), known.iter().copied());
-        let help = match (tables_with(key.get_ref()), near) {
+        let help = match (self.tables_with(key.get_ref()), near) {
             (Some(tables), Some(near)) => {
                 format!("`{}` is a key of {tables}; did you mean `{near}` here?", key.get_ref())
             }
@@ -263,6 +275,8 @@ impl<'t> Tables<'t> {
     /// the tables of which some have been taken are reported as unknown; the caller shows the problems.
     pub(super) fn finish(mut self) -> (DeTable<'t>, Vec<&'static str>, Diagnostics) {
         let mut root = std::mem::take(self.root.get_mut());
+        // Several scanners read the same keys.
+        let _ = self.source.taken.set(self.known.clone());
         let mut names = self.known.remove("").unwrap_or_default();
         for (table, known) in &self.known {
             names.push(table);
