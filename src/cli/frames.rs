@@ -5,12 +5,18 @@ use super::watch::during;
 use super::{Console, messages};
 use std::io::{BufReader, Read};
 use std::path::Path;
+use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::reads;
 use vlscan_base::quantity::{amount_of, counted};
-use vlscan_tools::frames::write_frames;
+use vlscan_tools::frames::{FrameLayout, write_frames};
 
 pub fn run(args: &FramesArgs, console: &Console) -> Result<()> {
+    if args.options.sequence != 0 && args.options.layout != FrameLayout::Kitti {
+        let mut found = Diagnostics::default();
+        found.warn(None, "--sequence has no effect: it is for --layout kitti");
+        console.warnings(&found)?;
+    }
     let is_stdin = args.points.as_os_str() == "-";
     let (name, source): (&Path, Box<dyn Read>) = match is_stdin {
         true => (Path::new("<stdin>"), Box::new(std::io::stdin().lock())),
