@@ -66,6 +66,7 @@ use clap::{ArgMatches, FromArgMatches};
 use std::ffi::OsString;
 use std::io::Write as _;
 use std::path::Path;
+use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::ReadGuard;
 use vlscan_base::machine;
@@ -77,7 +78,8 @@ use vlscan_messages::{ProblemClass, ProblemMessage};
 pub fn main(args: impl IntoIterator<Item = OsString>) -> u8 {
     let args: Vec<OsString> = args.into_iter().collect();
     let console = Console::new(Verbosity::Normal).formatted(requested_format(&args), "");
-    let words = match helios::translate_helios_args(args) {
+    let mut repeated = Diagnostics::default();
+    let words = match helios::translate_helios_args(args, &mut repeated) {
         Ok(words) => words,
         Err(error) => return status(Err(error), &console),
     };
@@ -104,7 +106,8 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> u8 {
     report_panics(&console);
     interrupt::listen(&console);
     let _guard = ReadGuard::start();
-    let outcome = machine::start_pool().and_then(|()| dispatch(&cli.command, &console));
+    let start = || console.warnings(&repeated).and_then(|()| machine::start_pool());
+    let outcome = start().and_then(|()| dispatch(&cli.command, &console));
     let outcome = match outcome {
         // A stopped run has given up a stream whose reader takes nothing.
         Err(Error::ClosedPipe) if interrupt::is_signalled() => Err(Error::Interrupted),
