@@ -45,7 +45,7 @@ use clap::builder::{PathBufValueParser, TypedValueParser};
 use clap::{ArgAction, CommandFactory as _, Parser, Subcommand};
 use std::path::PathBuf;
 use vlscan_base::files::means_stdout;
-use vlscan_options::Switch;
+use vlscan_options::{Switch, with_negative_numbers};
 
 /// Returns a parser of the names of folders and of groups of files, which do not fit into one stream.
 fn files() -> impl TypedValueParser<Value = PathBuf> {
@@ -118,8 +118,7 @@ pub struct Cli {
 }
 
 impl Cli {
-    /// The command line of all commands. Negative numbers after an option are its value, so that the message
-    /// says what the option expects; they would be unknown options.
+    /// The command line of all commands.
     pub fn definition() -> clap::Command {
         with_negative_numbers(Cli::command())
     }
@@ -143,15 +142,6 @@ impl Cli {
             _ => LogTo::Stderr,
         }
     }
-}
-
-fn with_negative_numbers(command: clap::Command) -> clap::Command {
-    command
-        .mut_args(|arg| {
-            let has_value = !arg.is_positional() && arg.get_action().takes_values();
-            if has_value { arg.allow_negative_numbers(true) } else { arg }
-        })
-        .mut_subcommands(with_negative_numbers)
 }
 
 /// Subcommands.
