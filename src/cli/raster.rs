@@ -10,7 +10,7 @@ use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{FileGroup, FileWriter, Patched, means_stdout, reads, refuse_unwritable};
 use vlscan_base::machine;
-use vlscan_base::quantity::{amount, amount_of, number};
+use vlscan_base::quantity::{amount_of, number};
 use vlscan_crs as crs;
 use vlscan_tools::cloud::CloudSource;
 use vlscan_tools::raster::{CloudRasters, RasterKind, RasterOptions};
@@ -58,10 +58,10 @@ pub fn run(args: &RasterArgs, console: &Console) -> Result<()> {
     group.commit()?;
     for (kind, path) in &requested {
         let text = format!(
-            "{}: {} of {} points, {columns} by {rows} cells of {} m, {system}{noise}{misses}{}",
+            "{}: {} of {}, {columns} by {rows} cells of {} m, {system}{noise}{misses}{}",
             if means_stdout(path) { "stdout".to_owned() } else { path.display().to_string() },
             kind.name(),
-            amount(rasters.points as f64),
+            amount_of(rasters.points as f64, "point"),
             number(rasters.side()),
             terrain_reach(*kind, &rasters),
         );
