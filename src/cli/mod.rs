@@ -106,8 +106,10 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> u8 {
     report_panics(&console);
     interrupt::listen(&console);
     let _guard = ReadGuard::start();
-    let start = || console.warnings(&repeated).and_then(|()| machine::start_pool());
-    let outcome = start().and_then(|()| dispatch(&cli.command, &console));
+    let outcome = console
+        .warnings(&repeated)
+        .and_then(|()| machine::start_pool())
+        .and_then(|()| dispatch(&cli.command, &console));
     let outcome = match outcome {
         // A stopped run has given up a stream whose reader takes nothing.
         Err(Error::ClosedPipe) if interrupt::is_signalled() => Err(Error::Interrupted),
