@@ -96,7 +96,7 @@ impl Options {
     ///
     /// # Errors
     /// As for [`Options::output_request`].
-    pub(super) fn warn_of_unused_formats(&self, warnings: &mut Diagnostics) -> Result<()> {
+    pub fn warn_of_unused_formats(&self, warnings: &mut Diagnostics) -> Result<()> {
         let (output, sinks) = (&self.output, self.sinks()?);
         let has = |is_of: &dyn Fn(PointFormat) -> bool| sinks.iter().any(|(_, format)| is_of(*format));
         let mut unused = Vec::new();

@@ -106,6 +106,7 @@ impl Setting {
         };
         let (scene, found) = scene_of(name, &reading)?;
         warnings.extend(found);
+        options.warn_of_unused_formats(&mut warnings)?;
         Ok((Setting { survey: bare_survey(scanner, scene), options, known: false }, warnings))
     }
 }
