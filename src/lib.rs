@@ -153,9 +153,9 @@ pub use vlscan_session::shards::{Records, ShardSet, shard_path};
 pub use vlscan_session::streams::{PulseReader, RowBlock};
 pub use vlscan_session::{
     Batches, CoverageBand, CoverageMap, DryRunReport, Emission, Emitted, Estimate, FileEstimate,
-    FlightCoverage, FlightRows, LegEstimate, LegRule, LoadedScene, Missed, Progress, RayCaster, RayHit, Report,
-    ResumeOptions, RunContext, Scan, SceneFacts, SceneGeometry, Session, Settings, Snapshot, TimeEstimate,
-    emit, flight_table, merge, merge_warnings,
+    FlightCoverage, FlightRows, LegEstimate, LegRule, LoadedScene, Missed, Progress, RayCaster, RayHit,
+    Report, ResumeOptions, RunContext, Scan, SceneFacts, SceneGeometry, Session, Settings, Snapshot,
+    TimeEstimate, emit, flight_table, merge, merge_warnings,
 };
 pub use vlscan_survey::{
     Formula, MaterialDefinition, Mesh, ReadOptions, parse_seed, read_scene, read_survey,

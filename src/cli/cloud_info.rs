@@ -3,14 +3,16 @@
 use super::Console;
 use super::args::CloudInfoArgs;
 use super::watch::during;
-use std::path::Path;
+use std::collections::HashSet;
+use std::path::{Path, PathBuf};
+use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::{Error, Result};
-use vlscan_base::files::write_stdout;
+use vlscan_base::files::{identity, write_stdout};
 use vlscan_base::recognise::{Expected, foreign_file};
 use vlscan_tools::cloud::{CloudSource, cloud_facts};
 
 pub fn run(args: &CloudInfoArgs, console: &Console) -> Result<()> {
-    args.clouds.iter().try_for_each(|cloud| check_cloud(cloud))?;
+    check_clouds(&args.clouds, console)?;
     let read = || cloud_facts(&CloudSource::files(&args.clouds));
     let (facts, found) = during(console, "reading points", read)?;
     console.warnings(&found)?;
@@ -21,8 +23,33 @@ pub fn run(args: &CloudInfoArgs, console: &Console) -> Result<()> {
     write_stdout(&(text + "\n"))
 }
 
+/// Rejects files that are not point clouds, and standard input named twice; warns of files named twice.
+pub(super) fn check_clouds(clouds: &[PathBuf], console: &Console) -> Result<()> {
+    let (mut seen, mut found) = (HashSet::new(), Diagnostics::default());
+    for cloud in clouds {
+        check_cloud(cloud)?;
+        let is_stdin = cloud.as_os_str() == "-";
+        if seen.insert(if is_stdin { cloud.clone() } else { identity(cloud) }) {
+            continue;
+        }
+        if is_stdin {
+            return Err(stdin_twice());
+        }
+        found.warn(Some(Place::of_file(cloud)), "the file is named twice, so that its points count twice");
+    }
+    console.warnings(&found)
+}
+
+/// The error of standard input as two inputs.
+pub(super) fn stdin_twice() -> Error {
+    Error::input_with_help(
+        "- is named twice, but standard input can be read only once",
+        "write the points to a file first, and name it",
+    )
+}
+
 /// Rejects files that are not point clouds and have another command.
-pub(super) fn check_cloud(path: &Path) -> Result<()> {
+fn check_cloud(path: &Path) -> Result<()> {
     if path.is_dir() {
         return Err(Error::input(format!("{} is a folder; name files of points", path.display())));
     }

@@ -1,6 +1,7 @@
 //! `vlscan compare`: what two point clouds of one place have in common, and what not.
 
 use super::args::CompareArgs;
+use super::cloud_info::stdin_twice;
 use super::coverage::has_extension;
 use super::preview::read_cloud;
 use super::watch::during;
@@ -55,8 +56,12 @@ pub fn run(args: &CompareArgs, console: &Console) -> Result<()> {
     }
 }
 
-/// Refuses files that would replace others, and names of no format, before anything is read.
+/// Refuses files that would replace others, names of no format, and standard input as both clouds, before
+/// anything is read.
 fn check(args: &CompareArgs) -> Result<()> {
+    if [&args.first, &args.second].iter().all(|path| path.as_os_str() == "-") {
+        return Err(stdin_twice());
+    }
     let outputs: Vec<&Path> =
         [&args.page, &args.change, &args.changed].into_iter().flatten().map(|p| &**p).collect();
     for (i, path) in outputs.iter().enumerate() {

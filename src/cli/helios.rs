@@ -3,6 +3,7 @@
 //! `run`.
 
 use std::ffi::{OsStr, OsString};
+use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
 
 /// Argument of a HELIOS++ option.
@@ -85,11 +86,14 @@ const REFUSED: &[(&str, &str)] = &[
 ];
 
 /// Replaces HELIOS++ options in the arguments, where they are for `run` or for no subcommand; other arguments
-/// are unchanged.
+/// are unchanged. Later values of options that have only one are recorded in `found`.
 ///
 /// # Errors
 /// [`Error::Input`] for options without a counterpart, with a remedy.
-pub fn translate_helios_args(args: impl IntoIterator<Item = OsString>) -> Result<Vec<OsString>> {
+pub fn translate_helios_args(
+    args: impl IntoIterator<Item = OsString>,
+    found: &mut Diagnostics,
+) -> Result<Vec<OsString>> {
     let args: Vec<OsString> = args.into_iter().collect();
     let Some((program, words)) = args.split_first() else { return Ok(args) };
     let subject = words.get(subject(words)).map(OsString::as_os_str);
@@ -115,14 +119,15 @@ pub fn translate_helios_args(args: impl IntoIterator<Item = OsString>) -> Result
         return Ok(args);
     }
     let mut ours = vec![program.clone(), "run".into()];
-    ours.extend(translated(words, is_run));
+    ours.extend(translated(words, is_run, found));
     Ok(ours)
 }
 
-/// Returns the words with this program's option names; the first `run` is left out if there is one.
-fn translated(words: &[OsString], mut skip_run: bool) -> Vec<OsString> {
+/// Returns the words with this program's option names; the first `run` is left out if there is one. Warns of
+/// later values that differ from the first one.
+fn translated(words: &[OsString], mut skip_run: bool, found: &mut Diagnostics) -> Vec<OsString> {
     let mut ours: Vec<OsString> = Vec::with_capacity(words.len());
-    let mut seen: Vec<&str> = Vec::new();
+    let mut seen: Vec<(&str, OsString)> = Vec::new();
     let mut rest = words.iter();
     while let Some(word) = rest.next() {
         if word == "--" {
@@ -151,10 +156,18 @@ fn translated(words: &[OsString], mut skip_run: bool) -> Vec<OsString> {
             option.push("=");
             option.push(value);
         }
-        if matches!(takes, NothingEachTime | Values) || !seen.contains(&name) {
-            ours.push(option);
+        match seen.iter().find(|(earlier, _)| *earlier == name) {
+            Some((_, first)) if !matches!(takes, NothingEachTime | Values) => {
+                if *first != option {
+                    let (first, option) = (first.to_string_lossy(), option.to_string_lossy());
+                    found.warn(None, format!("{option} has no effect after {first}, as in HELIOS++"));
+                }
+            }
+            _ => {
+                ours.push(option.clone());
+                seen.push((name, option));
+            }
         }
-        seen.push(name);
     }
     name_schedule(&mut ours);
     ours
@@ -229,14 +242,18 @@ mod tests {
         line.split_whitespace().map(OsString::from).collect()
     }
 
+    fn translated_words(line: &str) -> Result<Vec<OsString>> {
+        translate_helios_args(words(line), &mut Diagnostics::default())
+    }
+
     fn ours(line: &str) -> String {
-        let ours = translate_helios_args(words(line)).unwrap();
+        let ours = translated_words(line).unwrap();
         ours.iter().map(|w| w.to_str().unwrap()).collect::<Vec<_>>().join(" ")
     }
 
     fn run(line: &str) -> crate::cli::args::RunArgs {
-        let cli = Cli::try_parse_from(translate_helios_args(words(line)).unwrap())
-            .unwrap_or_else(|e| panic!("{line}: {e}"));
+        let cli =
+            Cli::try_parse_from(translated_words(line).unwrap()).unwrap_or_else(|e| panic!("{line}: {e}"));
         let Command::Run(run) = cli.command else { panic!("not a run: {line}") };
         *run
     }
@@ -284,6 +301,12 @@ mod tests {
             (run.options.origin.seed, run.options.schedule.threads, run.options.schedule.chunk_size),
             (Some(Seed(1)), Some(3), Some(ChunkSize(32)))
         );
+        let mut found = Diagnostics::default();
+        let line =
+            "vlscan s.xml --seed 1 --seed 1 --SEED 2 -v -v --assets a --assets b --writePulse --writePulse";
+        translate_helios_args(words(line), &mut found).unwrap();
+        let messages: Vec<&str> = found.items().iter().map(|item| item.message.as_str()).collect();
+        assert_eq!(messages, ["--seed=2 has no effect after --seed=1, as in HELIOS++"]);
         assert_eq!(
             ours("vlscan s.xml --assets a -a b --vt"),
             "vlscan run s.xml --assets=a --assets=b --times"
@@ -306,7 +329,7 @@ mod tests {
     #[test]
     fn a_missing_value_is_an_error() {
         for line in ["vlscan s.xml --seed", "vlscan run s.xml --kdt"] {
-            assert!(Cli::try_parse_from(translate_helios_args(words(line)).unwrap()).is_err(), "{line}");
+            assert!(Cli::try_parse_from(translated_words(line).unwrap()).is_err(), "{line}");
         }
     }
 
@@ -337,7 +360,7 @@ mod tests {
             ("vlscan --demo box", "scene make"),
             ("vlscan s.xml --demoSurvey d", "scene make"),
         ] {
-            let message = translate_helios_args(words(line)).unwrap_err().to_string();
+            let message = translated_words(line).unwrap_err().to_string();
             assert!(message.contains(advice), "{line}: {message}");
         }
     }

@@ -75,7 +75,7 @@ const EXIT_STATUS: &[(&str, &str)] = &[
 /// Returns the command line with the examples of `manual/pages.md` and the exit statuses at the end of each
 /// `--help`.
 pub fn command() -> Command {
-    let mut command = with_examples(Cli::command(), "vlscan").after_help(BEGIN);
+    let mut command = with_examples(Cli::definition(), "vlscan").after_help(BEGIN);
     // Passes global options to the subcommands, and sets the full names of all commands.
     command.build();
     command

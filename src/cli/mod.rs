@@ -62,10 +62,11 @@ pub use info::scene_json;
 pub use manual::command as command_line;
 pub use messages::MessageFormat;
 
-use clap::{ArgMatches, CommandFactory, FromArgMatches};
+use clap::{ArgMatches, FromArgMatches};
 use std::ffi::OsString;
 use std::io::Write as _;
 use std::path::Path;
+use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::ReadGuard;
 use vlscan_base::machine;
@@ -77,7 +78,8 @@ use vlscan_messages::{ProblemClass, ProblemMessage};
 pub fn main(args: impl IntoIterator<Item = OsString>) -> u8 {
     let args: Vec<OsString> = args.into_iter().collect();
     let console = Console::new(Verbosity::Normal).formatted(requested_format(&args), "");
-    let words = match helios::translate_helios_args(args) {
+    let mut repeated = Diagnostics::default();
+    let words = match helios::translate_helios_args(args, &mut repeated) {
         Ok(words) => words,
         Err(error) => return status(Err(error), &console),
     };
@@ -104,7 +106,10 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> u8 {
     report_panics(&console);
     interrupt::listen(&console);
     let _guard = ReadGuard::start();
-    let outcome = machine::start_pool().and_then(|()| dispatch(&cli.command, &console));
+    let outcome = console
+        .warnings(&repeated)
+        .and_then(|()| machine::start_pool())
+        .and_then(|()| dispatch(&cli.command, &console));
     let outcome = match outcome {
         // A stopped run has given up a stream whose reader takes nothing.
         Err(Error::ClosedPipe) if interrupt::is_signalled() => Err(Error::Interrupted),
@@ -119,7 +124,7 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> u8 {
 /// Examples and lists of the manual are only composed where help or an error is the result: composing them
 /// takes longer than parsing.
 fn parsed(words: &[OsString]) -> Result<(Cli, String), clap::Error> {
-    let found = Cli::command()
+    let found = Cli::definition()
         .try_get_matches_from(words)
         .or_else(|_| manual::command().try_get_matches_from(words))?;
     Ok((Cli::from_arg_matches(&found)?, name_of(&found)))

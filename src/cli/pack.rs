@@ -31,7 +31,7 @@ pub fn run(args: &PackArgs, console: &Console) -> Result<()> {
     let tree = BuildOptions::of(args.tree.unwrap_or_default());
     let tiles = args.scene_memory.map(|bytes| TileOptions { memory: bytes.0, trees: tree.clone() });
     let options = LoadOptions {
-        wavelength_nm: args.wavelength.unwrap_or(found.wavelength_nm),
+        wavelength_nm: args.wavelength.map_or(found.wavelength_nm, |nm| nm.0),
         further_wavelengths_nm: match (args.wavelength, corrections.channel_spectra) {
             (None, true) => found.further_wavelengths_nm,
             _ => Vec::new(),

@@ -19,9 +19,11 @@ use vlscan_tools::preview::{Chart, ColourBy, Picture, PreviewOptions, draw, writ
 pub fn run(args: &PreviewArgs, console: &Console) -> Result<()> {
     check(args)?;
     if let Some(pulse) = args.pulse {
+        warn_of_unused(args, false, console)?;
         return plot(args, pulse, console);
     }
     let is_survey = holds_survey(&args.points);
+    warn_of_unused(args, is_survey, console)?;
     if is_octree(&args.out) {
         let write = || write_octree(&args.points, &args.out, args.force, &console.listener());
         let count = during(console, "dividing the points", write)?;
@@ -171,6 +173,31 @@ fn check(args: &PreviewArgs) -> Result<()> {
         return Ok(());
     }
     Err(Error::input(format!("{}: expected a name that ends in .png, .html or .copc.laz", out.display())))
+}
+
+/// Warns of options that the output has no use for.
+fn warn_of_unused(args: &PreviewArgs, is_survey: bool, console: &Console) -> Result<()> {
+    let (is_page, is_octree, is_wave) = (is_page(&args.out), is_octree(&args.out), args.pulse.is_some());
+    let has_colours = !is_octree && !is_wave;
+    let has_size = is_wave || !is_page && !is_octree;
+    let options = [
+        ("--colour", args.colour.is_some(), has_colours),
+        ("--light", args.light, has_colours),
+        ("--width", args.width != PreviewArgs::WIDTH, has_size),
+        ("--height", args.height != PreviewArgs::HEIGHT, has_size),
+        ("--max-points", args.max_points.0 != PreviewArgs::PAGE_POINTS, is_page && !is_wave),
+        ("--assets", !args.assets.is_empty(), is_survey),
+    ];
+    let unused = options.into_iter().filter(|(_, is_given, is_used)| *is_given && !is_used);
+    let unused: Vec<&str> = unused.map(|(option, ..)| option).collect();
+    let mut found = Diagnostics::default();
+    if !unused.is_empty() {
+        found.warn(None, format!("no effect on {}: {}", args.out.display(), unused.join(", "))).help(
+            "--width and --height are for pictures, --max-points for pages, --colour and --light for both, \
+             --assets for surveys",
+        );
+    }
+    console.warnings(&found)
 }
 
 fn is_page(path: &Path) -> bool {

@@ -1,22 +1,30 @@
 //! `vlscan raster`: terrain, surface, canopy height and densities of point clouds as GeoTIFF.
 
 use super::args::RasterArgs;
-use super::cloud_info::check_cloud;
+use super::cloud_info::check_clouds;
 use super::watch::during;
 use super::{Console, messages};
 use std::io::IsTerminal as _;
 use std::path::Path;
+use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{FileGroup, FileWriter, Patched, means_stdout, reads, refuse_unwritable};
 use vlscan_base::machine;
-use vlscan_base::quantity::{amount, amount_of, number};
+use vlscan_base::quantity::{amount_of, number};
 use vlscan_crs as crs;
 use vlscan_tools::cloud::CloudSource;
-use vlscan_tools::raster::{CloudRasters, RasterKind};
+use vlscan_tools::raster::{CloudRasters, RasterKind, RasterOptions};
 
 pub fn run(args: &RasterArgs, console: &Console) -> Result<()> {
     let requested = args.files.requested();
     check(args, &requested)?;
+    check_clouds(&args.clouds, console)?;
+    if args.options.fill != RasterOptions::default().fill && !requested.iter().any(|(k, _)| k.needs_ground())
+    {
+        let mut found = Diagnostics::default();
+        found.warn(None, "--fill has no effect: it is for --dtm and --chm");
+        console.warnings(&found)?;
+    }
     let crs = args.crs.as_ref().map(vlscan_options::Crs::wkt).transpose()?;
     let kinds: Vec<RasterKind> = requested.iter().map(|(kind, _)| *kind).collect();
     let clouds = CloudSource::files(&args.clouds);
@@ -50,10 +58,10 @@ pub fn run(args: &RasterArgs, console: &Console) -> Result<()> {
     group.commit()?;
     for (kind, path) in &requested {
         let text = format!(
-            "{}: {} of {} points, {columns} by {rows} cells of {} m, {system}{noise}{misses}{}",
+            "{}: {} of {}, {columns} by {rows} cells of {} m, {system}{noise}{misses}{}",
             if means_stdout(path) { "stdout".to_owned() } else { path.display().to_string() },
             kind.name(),
-            amount(rasters.points as f64),
+            amount_of(rasters.points as f64, "point"),
             number(rasters.side()),
             terrain_reach(*kind, &rasters),
         );
@@ -70,7 +78,7 @@ fn terrain_reach(kind: RasterKind, rasters: &CloudRasters) -> String {
     }
 }
 
-/// Rejects files that would replace others, and inputs other than point clouds, before anything is read.
+/// Rejects files that would replace others, before anything is read.
 fn check(args: &RasterArgs, requested: &[(RasterKind, &Path)]) -> Result<()> {
     if requested.is_empty() {
         return Err(Error::input(
@@ -99,5 +107,5 @@ fn check(args: &RasterArgs, requested: &[(RasterKind, &Path)]) -> Result<()> {
         refuse_unwritable(path, args.force)?;
         reads::refuse_input_of(path, &args.clouds)?;
     }
-    args.clouds.iter().try_for_each(|cloud| check_cloud(cloud))
+    Ok(())
 }

@@ -153,6 +153,9 @@ pub fn merge(args: &MergeArgs, console: &Console) -> Result<()> {
     let merges = match &args.pipeline {
         None => {
             let shards = ShardSet::open(&args.folder)?;
+            let mut found = Diagnostics::default();
+            options.warn_of_unused_formats(&mut found)?;
+            console.warnings(&found)?;
             let outputs = options.output_request(shards.head.creation)?;
             let (schedule, companions) = (schedule_of(&options), Companions::default());
             vec![Merge { scanner: None, shards, outputs, schedule, companions }]

@@ -186,6 +186,14 @@ fn a_name_that_tells_no_format_and_numbers_that_are_none_are_refused() {
         assert_eq!(refused.status.code(), Some(2), "{args:?}");
         assert!(text(&refused.stderr).contains(expected), "{}", text(&refused.stderr));
     }
+    for (args, unused) in [
+        (&["-o", "b.html", "--width", "400", "--height", "300", "--light"][..], "--width, --height"),
+        (&["-o", "b.png", "--max-points", "5", "--assets", "."], "--max-points, --assets"),
+        (&["-o", "b.copc.laz", "--colour", "class"], "--colour"),
+    ] {
+        let said = text(&succeed(dir.path(), &[&["preview", "a.xyz"], args].concat()).stderr);
+        assert!(said.contains(&format!("no effect on {}: {unused}\n", args[1])), "{args:?}: {said}");
+    }
     // A picture goes to stdout, complete.
     let picture = succeed(dir.path(), &["preview", "a.xyz", "-o", "-", "-q"]).stdout;
     assert!(picture.starts_with(b"\x89PNG") && picture.ends_with(b"IEND\xaeB`\x82"));

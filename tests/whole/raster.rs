@@ -202,3 +202,22 @@ fn rasters_that_cannot_be_made_are_refused() {
     let again = run(dir.path(), &["raster", "a.laz", "--dsm", "a.tif"]);
     assert!(!again.status.success() && text(&again.stderr).contains("--force"));
 }
+
+#[test]
+fn clouds_that_are_named_twice_and_unused_options_are_told() {
+    let dir = folder();
+    let points = b"1 2 3\n4 5 6\n";
+    for command in [&["info", "-", "-"][..], &["raster", "-", "-", "--dsm", "a.tif"], &["compare", "-", "-"]]
+    {
+        let out = feed(dir.path(), command, points);
+        assert_eq!(out.status.code(), Some(2), "{command:?}");
+        assert!(text(&out.stderr).contains("can be read only once"), "{command:?}: {}", text(&out.stderr));
+    }
+    fs::write(dir.path().join("b.xyz"), points).unwrap();
+    let said = text(&succeed(dir.path(), &["raster", "b.xyz", "--dsm", "b.tif", "--fill", "5"]).stderr);
+    assert!(said.contains("--fill has no effect"), "{said}");
+    for command in [&["info", "b.xyz", "./b.xyz"][..], &["raster", "b.xyz", "./b.xyz", "--dsm", "a.tif"]] {
+        let said = text(&succeed(dir.path(), command).stderr);
+        assert!(said.contains("named twice"), "{command:?}: {said}");
+    }
+}

@@ -168,3 +168,13 @@ fn world_files_that_cannot_be_read_are_errors() {
     let message = text(&output.stderr);
     assert!(output.status.code() == Some(2) && message.contains("a decimal comma"), "{message}");
 }
+
+#[test]
+fn a_raster_of_one_pixel_is_explained() {
+    let dir = folder();
+    let grid = "ncols 1\nnrows 1\nxllcorner 0\nyllcorner 0\ncellsize 1\n5\n";
+    fs::write(dir.path().join("one.asc"), grid).unwrap();
+    let out = run(dir.path(), &["scene", "info", "one.asc"]);
+    assert_eq!(out.status.code(), Some(2));
+    assert!(text(&out.stderr).contains("at least 2 by 2 pixels"), "{}", text(&out.stderr));
+}

@@ -450,3 +450,22 @@ fn the_schedule_of_a_stream_is_recorded() {
     let log: serde_json::Value = serde_json::from_str(&log).unwrap();
     assert_eq!(log["tasks"].as_u64().unwrap() as usize, text(&pulses).lines().count() - 1);
 }
+
+#[test]
+fn legs_and_ranges_that_points_cannot_have_are_refused() {
+    let dir = folder();
+    let scene = survey("terrain/scene.xml");
+    let usual = ["trace", "-q", "--scene", &scene, "--scanner", "riegl_vz400"];
+    let refused = |pulses: &str, more: &[&str]| {
+        let out = feed(dir.path(), &[&usual[..], more].concat(), pulses.as_bytes());
+        assert_eq!(out.status.code(), Some(2), "{}", text(&out.stderr));
+        text(&out.stderr)
+    };
+    let head = "x,y,z,dx,dy,dz,leg\n0,0,100,0,0,-1,";
+    let said = refused(&format!("{head}65535\n"), &[]);
+    assert!(said.contains("leg 65535, expected at most 65534"), "{said}");
+    let said = refused("x,y,z,azimuth_deg,elevation\n0,0,100,0,-90\n", &[]);
+    assert!(said.contains("a second column for z") && said.contains("elevation_deg"), "{said}");
+    let said = refused(&format!("{head}0\n"), &["--range-min", "20", "--range-max", "10"]);
+    assert!(said.contains("the nearest range, 20 m, is beyond the farthest, 10 m"), "{said}");
+}

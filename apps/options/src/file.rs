@@ -45,6 +45,7 @@ fn finish_xml(read: (Survey, Diagnostics), typed: Options) -> Result<(Survey, Op
     warnings.extend(doubts(&chosen, &chosen, [const { None }; OFFSETS.len()]));
     warn_of_fraction(&typed, None, &mut warnings);
     warn_of_unused_trajectories(&typed, &survey, &mut warnings);
+    typed.warn_of_unused_formats(&mut warnings)?;
     let warnings = warnings.finish(typed.input.strict.is_on())?;
     check_trajectory_options(chosen, &mut survey)?;
     Ok((survey, typed, warnings))
@@ -180,6 +181,7 @@ fn read_pipeline(
     let (typed_crs, typed_columns) = (typed.output.crs.is_some(), typed.output.columns.is_some());
     let replaces_trajectory = typed.trajectory.path.is_some();
     let chosen = typed.trajectory.clone();
+    let typed_output = replaces_outputs.then(|| typed.output.clone());
     let mut options = typed.over(file);
     options.input.assets = assets;
     if has_several {
@@ -192,6 +194,9 @@ fn read_pipeline(
     let has_columns = sinks.iter().any(|(_, format)| has_columns(*format));
     if replaces_outputs && !typed_columns && !has_columns {
         options.output.columns = None;
+    }
+    if let Some(typed) = &typed_output {
+        options.output.leave_unused(typed, &sinks);
     }
     let mut reading = ReadOptions { trajectory: None, ..options.read_options() };
     if let (Some(Crs::File(name)), false) = (&options.output.crs, typed_crs) {
@@ -208,6 +213,7 @@ fn read_pipeline(
     warnings.extend(doubts(&options.trajectory, &chosen, places));
     warn_of_fraction(&options, gps_place, &mut warnings);
     warn_of_unused_trajectories(&options, &read.survey, &mut warnings);
+    options.warn_of_unused_formats(&mut warnings)?;
     options.has_own_flight = read.has_own_flight && !options.is_traced;
     if !read.is_of_survey {
         options.profile.profile.get_or_insert(PhysicsProfile::OF_PIPELINES);

@@ -7,7 +7,7 @@ use super::switch::Switch;
 use super::trajectory::TrajectoryOptions;
 use super::values::{
     Bytes, ChunkSize, ColumnList, Count, Crs, GpsStart, MaxOrder, NavigationError, NotNegative, Positive,
-    Seed, WarehouseFactor,
+    Seed, WarehouseFactor, number, whole,
 };
 use clap::ArgAction::SetTrue;
 use clap::Args;
@@ -188,7 +188,7 @@ pub struct OutputOptions with opposites {
     #[arg(long, action = SetTrue, help_heading = FILES)]
     pub zip_output: Switch,
     /// Resolution of LAS coordinates in metres. [default: 0.0001, coarser if the scene is too wide for it]
-    #[arg(long, value_name = "METRES", help_heading = FILES)]
+    #[arg(long, value_name = "METRES", help_heading = FILES, value_parser = number)]
     pub las_scale: Option<f64>,
     /// Extra bytes of the points of LAS and LAZ: all, the four of HELIOS++, or none, for programs that reject
     /// them. [default: all]
@@ -341,7 +341,7 @@ group! {
 #[serde(default)]
 pub struct ScheduleOptions with opposites {
     /// Number of threads; 0 = all, the default. Does not change the points.
-    #[arg(short = 'j', long, value_name = "N")]
+    #[arg(short = 'j', long, value_name = "N", value_parser = whole::<usize>)]
     pub threads: Option<usize>,
     /// Pulses per chunk. [default: 1024]
     #[arg(long, value_name = "N")]
@@ -388,7 +388,7 @@ pub struct TreeOptions {
     #[arg(long, value_name = "TREE", value_parser = choice::<Builder>())]
     pub tree: Option<Builder>,
     /// Threads that build the tree; 0 = as --threads, the default.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = whole::<usize>)]
     pub tree_jobs: Option<usize>,
     /// Share triangles among parts of the same mesh file; does not change the points. [default: auto]
     #[arg(long, value_name = "WHEN", value_parser = choice::<Sharing>())]

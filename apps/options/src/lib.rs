@@ -70,3 +70,5 @@ pub use values::{
 };
 pub use vlscan_session::shards::{OneOf, OneOfError};
 pub use words::OptionName;
+#[doc(hidden)]
+pub use words::with_negative_numbers;

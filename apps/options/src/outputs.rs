@@ -4,6 +4,7 @@ use super::groups::{Options, OutputOptions};
 use super::values::Crs;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
+use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files;
 use vlscan_session::output::{
@@ -91,6 +92,37 @@ impl Options {
         Ok(request)
     }
 
+    /// Warns of formats that are chosen for outputs whose names determine another one.
+    ///
+    /// # Errors
+    /// As for [`Options::output_request`].
+    pub fn warn_of_unused_formats(&self, warnings: &mut Diagnostics) -> Result<()> {
+        let (output, sinks) = (&self.output, self.sinks()?);
+        let has = |is_of: &dyn Fn(PointFormat) -> bool| sinks.iter().any(|(_, format)| is_of(*format));
+        let mut unused = Vec::new();
+        if let Some(format) = output.format.filter(|format| !has(&|used| used == *format)) {
+            unused.push(format!("--format {}", format.name()));
+        }
+        if output.las_output.is_on() && !has(&PointFormat::is_las) {
+            unused.push("--las-output".to_owned());
+        }
+        if output.out.is_empty() && output.output.is_none() && output.format.is_none() {
+            let points = self.outputs.iter().filter(|o| o.content == OutputContent::Points);
+            for keys in points {
+                let Some(format) = keys.format else { continue };
+                if sink(&keys.path, Some(format), format)?.1 != format {
+                    unused.push(format!("format = \"{}\" of {}", format.name(), keys.path.display()));
+                }
+            }
+        }
+        for choice in unused {
+            warnings
+                .warn(None, format!("{choice} has no effect: the extension determines the format"))
+                .help("leave it out, or give the output the extension of this format");
+        }
+        Ok(())
+    }
+
     /// Targets and formats of the points.
     pub(super) fn sinks(&self) -> Result<Vec<(Target, PointFormat)>> {
         let output = &self.output;
@@ -122,6 +154,34 @@ impl Options {
 }
 
 impl OutputOptions {
+    /// Leaves out the options of a file, over which `typed` ones go, that apply to none of these outputs: the
+    /// command line names them instead of the file's, for which its options are.
+    pub(super) fn leave_unused(&mut self, typed: &OutputOptions, sinks: &[(Target, PointFormat)]) {
+        let has = |is_of: fn(PointFormat) -> bool| sinks.iter().any(|(_, format)| is_of(*format));
+        if !has(PointFormat::has_frames) {
+            self.frame_s = typed.frame_s;
+            self.world_frame.clone_from(&typed.world_frame);
+            self.sensor_frame.clone_from(&typed.sensor_frame);
+        }
+        if !has(PointFormat::is_las) {
+            self.las10 = typed.las10;
+            self.las_scale = typed.las_scale;
+            self.las_extra = typed.las_extra;
+            self.las_at_most = typed.las_at_most;
+            self.wave_packets = typed.wave_packets;
+        }
+        if !sinks.iter().any(|(target, _)| matches!(target, Target::Directory(_))) {
+            self.tile = typed.tile;
+            self.per_object = typed.per_object;
+        }
+        if !sinks.iter().any(|(target, _)| matches!(target, Target::Helios(_))) {
+            self.zip_output = match self.waveforms.is_on() || self.pulses.is_on() {
+                true => self.zip_output,
+                false => typed.zip_output,
+            };
+        }
+    }
+
     /// Settings of the points. `creation` is the day for the headers of files.
     fn cloud_settings(&self, creation: (u16, u16)) -> Result<CloudSettings> {
         let mut cloud = CloudSettings::default();
@@ -243,6 +303,7 @@ fn sink(path: &Path, requested: Option<PointFormat>, default: PointFormat) -> Re
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Precedence;
 
     #[test]
     fn files_beside_the_points_have_names_of_their_own() {
@@ -269,6 +330,58 @@ mod tests {
             let error = options.output_request((2026, 1)).unwrap_err().to_string();
             assert!(error.contains(&format!("{name} way.ply: the file is CSV, not ply")), "{error}");
         }
+    }
+
+    #[test]
+    fn formats_that_names_do_not_have_are_named() {
+        let said = |line: &str, outputs: &[(&str, PointFormat)]| -> Vec<String> {
+            let mut options = Options::parse(line.split_whitespace().map(str::to_owned)).unwrap();
+            let keys = |(path, format): &(&str, PointFormat)| OutputKeys {
+                format: Some(*format),
+                ..OutputKeys::of_path(PathBuf::from(path))
+            };
+            options.outputs = outputs.iter().map(keys).collect();
+            let mut warnings = Diagnostics::default();
+            options.warn_of_unused_formats(&mut warnings).unwrap();
+            warnings.items().iter().map(|item| item.message.clone()).collect()
+        };
+        let none: &[(&str, PointFormat)] = &[];
+        for fine in [
+            "",
+            "--format csv",
+            "-o - --format csv",
+            "-o a.las --format las",
+            "-o a.ply --format ply-ascii",
+            "-o a.las -o - --format csv",
+            "--las-output --format las",
+            "-o folder --las-output",
+        ] {
+            assert_eq!(said(fine, none), [""; 0], "{fine}");
+        }
+        assert!(said("-o a.las --format csv", none)[0].contains("--format csv has no effect"));
+        assert!(said("-o a.csv --las-output", none)[0].contains("--las-output has no effect"));
+        assert!(said("--las-output --format csv", none)[0].contains("--format csv has no effect"));
+        let of_file = [("a.laz", PointFormat::Csv), ("b.dat", PointFormat::Csv)];
+        let found = said("", &of_file);
+        assert!(found.len() == 1 && found[0].contains("format = \"csv\" of a.laz"), "{found:?}");
+        assert_eq!(said("-o c.csv", &of_file), [""; 0]);
+    }
+
+    #[test]
+    fn options_of_a_file_are_for_its_own_outputs() {
+        let parse = |line: &str| Options::parse(line.split_whitespace().map(str::to_owned)).unwrap().output;
+        let file = || parse("--frame-s 0.1 --world-frame w --tile 5 --las10 --las-scale 0.01 --zip-output");
+        let typed = parse("-o a.csv --las-scale 0.1");
+        let mut found = typed.clone().over(file());
+        found.leave_unused(&typed, &[(Target::File("a.csv".into()), PointFormat::Csv)]);
+        assert!(found.frame_s.is_none() && found.world_frame.is_none() && found.tile.is_none());
+        assert_eq!(
+            (found.las_scale, found.las10.is_on(), found.zip_output.is_on()),
+            (Some(0.1), false, false)
+        );
+        let mut found = typed.clone().over(file());
+        found.leave_unused(&typed, &[(Target::Directory("a".into()), PointFormat::Laz)]);
+        assert!(found.tile.is_some() && found.las10.is_on() && found.frame_s.is_none());
     }
 
     #[test]

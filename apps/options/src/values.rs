@@ -51,6 +51,24 @@ deserialize_from_text!(false, Seed, Bytes, ChunkSize, Finite, NotNegative, Posit
 deserialize_from_text!(false, Zone, Count<1>, WarehouseFactor, MaxOrder);
 deserialize_from_text!(true, Vector, ColumnList);
 
+/// Parses a whole number that is not negative.
+///
+/// # Errors
+/// Another text, or a number that is too large.
+pub fn whole<T: FromStr>(text: &str) -> Result<T, ValueError> {
+    let is_number = !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
+    let expected = if is_number { "a smaller whole number" } else { "a whole number, 0 or greater" };
+    text.parse().map_err(|_| ValueError::Form { expected, found: text.to_owned() })
+}
+
+/// Parses a number.
+///
+/// # Errors
+/// Another text.
+pub fn number(text: &str) -> Result<f64, ValueError> {
+    text.parse().map_err(|_| ValueError::Form { expected: "a number such as 0.001", found: text.to_owned() })
+}
+
 /// A text that is not a value of an option.
 #[non_exhaustive]
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

@@ -32,7 +32,19 @@ pub(super) fn is_list(option: &Arg) -> bool {
 }
 
 pub(super) fn command() -> Command {
-    Options::augment_args(Command::new("options").no_binary_name(true)).disable_help_flag(true)
+    let options = Options::augment_args(Command::new("options").no_binary_name(true));
+    with_negative_numbers(options).disable_help_flag(true)
+}
+
+/// Makes negative numbers after options their values, so that messages say what the options expect; they
+/// would be unknown options.
+pub fn with_negative_numbers(command: Command) -> Command {
+    command
+        .mut_args(|arg| {
+            let has_value = !arg.is_positional() && arg.get_action().takes_values();
+            if has_value { arg.allow_negative_numbers(true) } else { arg }
+        })
+        .mut_subcommands(with_negative_numbers)
 }
 
 impl Options {
@@ -81,6 +93,7 @@ mod tests {
         let unknown = words("--thread=3").unwrap_err().to_string();
         assert!(unknown.contains("--threads") && !unknown.contains("Usage"), "{unknown}");
         assert!(words("--columns=Q").unwrap_err().to_string().contains("no column is called"));
+        assert!(words("--tile -5").unwrap_err().to_string().contains("expected a number above 0"));
     }
 
     #[test]

@@ -76,6 +76,11 @@ pub fn positive(text: &str) -> Result<f64, NumberError> {
     POSITIVE.parse(text)
 }
 
+/// The seed of random draws.
+pub fn seed(text: &str) -> Result<u64, OptionTextError> {
+    text.parse().map_err(|_| OptionTextError::Number("a whole number, 0 or greater"))
+}
+
 /// A whole number with an optional unit prefix: 250k.
 pub fn count(text: &str) -> Result<u64, OptionTextError> {
     parse_count(text).ok_or_else(|| OptionTextError::Count(text.to_owned()))

@@ -13,6 +13,14 @@ const AREAS: &str = include_str!("areas.txt");
 const MAX_DISTANCE: f64 = 500_000.0;
 /// Mean radius of the Earth, m.
 const EARTH_RADIUS: f64 = 6_371_000.0;
+/// Largest share by which a metre of coordinates may differ from one on the ground: that of Lambert's
+/// projections of continents at their edges, which is ten times that of national systems.
+const MAX_DISTORTION: f64 = 0.03;
+/// Half the distance over which a distortion is measured, m.
+const DISTORTION_STEP: f64 = 500.0;
+/// EPSG code of Web Mercator, and its name in files of Esri, which have no codes.
+const WEB_MERCATOR: u16 = 3857;
+const WEB_MERCATOR_OF_ESRI: &str = "Web_Mercator_Auxiliary_Sphere";
 
 /// A place on Earth, degrees.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -60,16 +68,22 @@ impl Area {
         // Degrees to the nearer of the meridians that bound it.
         let aside = if from_west <= width { 0.0 } else { (from_west - width).min(360.0 - from_west) };
         let nearest = latitude.clamp(self.south, self.north);
-        let [lat, other, aside] = [latitude, nearest, aside].map(f64::to_radians);
-        let half_chord =
-            ((lat - other) / 2.0).sin().powi(2) + lat.cos() * other.cos() * (aside / 2.0).sin().powi(2);
-        2.0 * EARTH_RADIUS * half_chord.sqrt().min(1.0).asin()
+        along_surface([latitude, nearest], aside)
     }
 
     fn describe(&self) -> String {
         let corner = |longitude, latitude| Place { longitude, latitude };
         format!("{} to {}", corner(self.west, self.south), corner(self.east, self.north))
     }
+}
+
+/// The distance of two places along the surface of a sphere, m, by their latitudes and the difference of
+/// their longitudes, degrees.
+fn along_surface(latitudes: [f64; 2], aside: f64) -> f64 {
+    let ([lat, other], aside) = (latitudes.map(f64::to_radians), aside.to_radians());
+    let half_chord =
+        ((lat - other) / 2.0).sin().powi(2) + lat.cos() * other.cos() * (aside / 2.0).sin().powi(2);
+    2.0 * EARTH_RADIUS * half_chord.sqrt().min(1.0).asin()
 }
 
 /// Why coordinates of a system cannot be converted to WGS 84.
@@ -100,7 +114,8 @@ impl Wgs84 {
     /// # Errors
     /// Without an EPSG code with a known projection, and without a UTM zone in its name.
     pub fn of(wkt: &str) -> Result<Wgs84, Wgs84Error> {
-        let code = projected_epsg(wkt).or_else(|| epsg(wkt).map(|(_, code)| code));
+        let of_esri = || wkt.contains(WEB_MERCATOR_OF_ESRI).then_some(WEB_MERCATOR);
+        let code = projected_epsg(wkt).or_else(|| epsg(wkt).map(|(_, code)| code)).or_else(of_esri);
         match (code.and_then(|code| Wgs84::of_code(u32::from(code))), UtmZone::of_wkt(wkt)) {
             (Some(found), _) => Ok(found),
             (None, Some(zone)) => Ok(Wgs84(Conversion::Utm(zone))),
@@ -180,6 +195,35 @@ pub fn misfit(wkt: &str, x: f64, y: f64) -> Option<(String, String)> {
     })
 }
 
+/// Why lengths around coordinates in metres are not those on the ground, as in Web Mercator, and a hint.
+/// `None` for systems whose projection is not known here.
+pub fn distortion(wkt: &str, x: f64, y: f64) -> Option<(String, String)> {
+    if unit_problem(wkt).is_some() {
+        return None;
+    }
+    let conversion = Wgs84::of(wkt).ok()?;
+    // Metres on the ground for a metre along a line through the place.
+    let on_ground = |east: f64, north: f64| {
+        let from = conversion.place(x - east, y - north)?;
+        let to = conversion.place(x + east, y + north)?;
+        let latitudes = [from.latitude, to.latitude];
+        Some(along_surface(latitudes, to.longitude - from.longitude) / (2.0 * DISTORTION_STEP))
+    };
+    let (east, north) = (on_ground(DISTORTION_STEP, 0.0)?, on_ground(0.0, DISTORTION_STEP)?);
+    let worst = if (east - 1.0).abs() > (north - 1.0).abs() { east } else { north };
+    if (worst - 1.0).abs() <= MAX_DISTORTION {
+        return None;
+    }
+    let place = conversion.place(x, y)?;
+    let message = format!(
+        "1 m in {} is {worst:.2} m on the ground at {place}, so that ranges and densities are wrong",
+        name(wkt)
+    );
+    let zone = UtmZone::of(place.latitude.to_radians(), place.longitude.to_radians());
+    let system = zone.map_or_else(String::new, |zone| format!(", such as EPSG:{}", zone.epsg()));
+    Some((message, format!("project the data to a system of the country or the UTM zone{system}")))
+}
+
 fn hint(code: u32, x: f64, y: f64) -> String {
     let longer = with_a_digit_more(code, x, y);
     if !longer.is_empty() {
@@ -242,6 +286,34 @@ mod tests {
             "{message}; {hint}"
         );
         assert_eq!(misfit(&wkt(4326), x, y), None, "degrees have a message of their own");
+    }
+
+    #[test]
+    fn lengths_that_differ_from_those_on_the_ground_are_named() {
+        let of = |code| distortion(&wkt(code), 900_000.0, 6_280_000.0);
+        let (message, hint) = of(3857).unwrap();
+        assert!(message.contains("is 0.65 m on the ground at 49.0° N 8.1° E"), "{message}");
+        assert!(hint.contains("EPSG:32632"), "{hint}");
+        assert!(of(3395).is_some(), "Mercator on an ellipsoid");
+        let esri =
+            r#"PROJCS["WGS_1984_Web_Mercator_Auxiliary_Sphere",GEOGCS["GCS_WGS_1984"],UNIT["Meter",1.0]]"#;
+        assert!(distortion(esri, 900_000.0, 6_280_000.0).is_some());
+        assert_eq!(distortion(&wkt(3857), 10.0, 20.0), None, "at the equator lengths are true");
+        let (x, y) = (475_960.0, 5_428_960.0);
+        for (code, x, y) in [
+            (25832, x, y),
+            (25833, x, y),
+            (5555, x, y),
+            (31467, x + 3_000_000.0, y),
+            (3035, 4_321_000.0, 3_210_000.0),
+            (3035, 2_700_000.0, 1_900_000.0),
+            (2154, 700_000.0, 6_600_000.0),
+        ] {
+            assert_eq!(distortion(&wkt(code), x, y), None, "{code}");
+        }
+        for wkt in [wkt(4326), wkt(2263), r#"PROJCS["mine",UNIT["metre",1]]"#.to_owned()] {
+            assert_eq!(distortion(&wkt, x, y), None, "{wkt}");
+        }
     }
 
     #[test]

@@ -5,7 +5,7 @@
 mod area;
 mod units;
 
-pub use area::{Place, Wgs84, Wgs84Error, misfit, place_of};
+pub use area::{Place, Wgs84, Wgs84Error, distortion, misfit, place_of};
 pub use units::{LengthUnit, Unit, Units};
 
 use vlscan_geom::UtmZone;
@@ -185,6 +185,9 @@ pub fn height_problem(wkt: &str) -> Option<String> {
 fn describe_unit(what: &str, unit: &Unit) -> Option<String> {
     let name = match unit {
         Unit::Angle => "degrees",
+        Unit::Geocentric => {
+            return Some(format!("its {what} are geocentric, but z is up in scene and points"));
+        }
         Unit::Length(unit) if unit.is_metre() => return None,
         Unit::Length(unit) => unit.name.as_str(),
     };

@@ -182,14 +182,16 @@ pub enum Unit {
     Length(LengthUnit),
     /// Degrees or another angle.
     Angle,
+    /// None of its own: x, y and z are distances from the centre of the Earth.
+    Geocentric,
 }
 
 impl Unit {
-    /// The unit of length; `None` for angles.
+    /// The unit of length; `None` for angles and geocentric coordinates.
     pub fn length(&self) -> Option<&LengthUnit> {
         match self {
             Unit::Length(unit) => Some(unit),
-            Unit::Angle => None,
+            Unit::Angle | Unit::Geocentric => None,
         }
     }
 }
@@ -226,12 +228,12 @@ impl Units {
             }
             "VERT_CS" | "VERTCS" | "VERTCRS" | "VERTICALCRS" => self.vertical = element.length(),
             "GEOGCS" | "GEOGCRS" | "GEOGRAPHICCRS" => self.horizontal = Some(Unit::Angle),
-            // Geocentric coordinates are lengths.
+            "GEOCCS" => self.horizontal = Some(Unit::Geocentric),
             "GEODCRS" | "GEODETICCRS" => {
                 let is_geocentric = element.children.iter().any(|child| {
                     child.keyword.eq_ignore_ascii_case("CS") && child.text.eq_ignore_ascii_case("Cartesian")
                 });
-                self.horizontal = if is_geocentric { element.length() } else { Some(Unit::Angle) };
+                self.horizontal = Some(if is_geocentric { Unit::Geocentric } else { Unit::Angle });
             }
             _ => {}
         }
@@ -336,6 +338,20 @@ mod tests {
             panic!("none")
         };
         assert_eq!(feet.name, "US survey feet");
+    }
+
+    #[test]
+    fn geocentric_systems_have_no_unit_of_easting_and_northing() {
+        let one =
+            r#"GEOCCS["WGS 84",DATUM["d",SPHEROID["s",6378137,298.25]],UNIT["metre",1],AXIS["X",OTHER]]"#;
+        let axes = r#"AXIS["(X)",geocentricX],AXIS["(Y)",geocentricY],AXIS["(Z)",geocentricZ]"#;
+        let two =
+            |system| format!(r#"GEODCRS["WGS 84",DATUM["d"],CS[{system}],{axes},LENGTHUNIT["metre",1]]"#);
+        let unit = |wkt: &str| Units::of_wkt(wkt).horizontal;
+        assert_eq!(unit(one), Some(Unit::Geocentric));
+        assert_eq!(unit(&two("Cartesian,3")), Some(Unit::Geocentric));
+        assert_eq!(unit(&two("ellipsoidal,3")), Some(Unit::Angle));
+        assert!(crate::unit_problem(one).unwrap().contains("z is up"));
     }
 
     #[test]

@@ -21,7 +21,7 @@ pub mod streams;
 pub use pipeline::{
     Batches, CoverageBand, CoverageMap, DEFAULT_CHUNK_SIZE, DEFAULT_WAREHOUSE_FACTOR, DryRunReport, Emission,
     Emitted, Estimate, FileEstimate, Flight, FlightCoverage, FlightRows, LegEstimate, LegRule, LoadedScene,
-    MAX_LATENCY_S, Missed, PartTable, Progress, RayCaster, RayHit, Report, ResumeOptions, RunContext, Scan, SceneFacts,
-    SceneGeometry, Session, Settings, Snapshot, TimeEstimate, check_raster_memory, emit, flight_table,
-    join_segments, merge, merge_segment, merge_warnings, output_context,
+    MAX_LATENCY_S, Missed, PartTable, Progress, RayCaster, RayHit, Report, ResumeOptions, RunContext, Scan,
+    SceneFacts, SceneGeometry, Session, Settings, Snapshot, TimeEstimate, check_raster_memory, emit,
+    flight_table, join_segments, merge, merge_segment, merge_warnings, output_context,
 };

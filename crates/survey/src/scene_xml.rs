@@ -235,6 +235,14 @@ impl Chain {
                     let help = "a scale above 0 keeps it upright; `rotate` turns it";
                     params.context.warn_help(params.own_place(), message, help);
                 }
+                if let Some(first) = self.scale.filter(|first| *first != 1.0 && *first != scale) {
+                    let message = format!(
+                        "this scale replaces the one before, {}: they do not multiply",
+                        number(first)
+                    );
+                    let help = format!("for both write one scale of {}", number(first * scale));
+                    params.context.warn_help(params.own_place(), message, help);
+                }
                 self.scale = Some(scale);
                 self.transform.scale = scale;
             }
@@ -247,6 +255,13 @@ impl Chain {
     fn translate(&mut self, mut params: Fields) {
         match params.vector("offset") {
             Some(offset) => {
+                if let Some(first) = self.offset.filter(|first| *first != DVec3::ZERO && *first != offset) {
+                    let list = |v: DVec3| v.to_array().map(number).join(";");
+                    let message =
+                        format!("this offset replaces the one before, {}: they do not add up", list(first));
+                    let help = format!("for both write one offset of {}", list(first + offset));
+                    params.context.warn_help(params.own_place(), message, help);
+                }
                 self.offset = Some(offset);
                 self.transform.offset = offset;
             }

@@ -3,7 +3,7 @@
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 use vlscan_options::Bytes;
-use vlscan_options::values::Vector;
+use vlscan_options::values::{Vector, number, whole};
 
 /// `vlscan fit`.
 #[derive(Debug, Args)]
@@ -27,7 +27,7 @@ pub struct FitArgs {
     #[arg(long, value_name = "FILE.obj", value_parser = super::files(), requires = "calibration")]
     pub planes: Option<PathBuf>,
     /// Fit the flight line of this point source; the one with the most points if it is not given.
-    #[arg(long, value_name = "N", conflicts_with = "calibration")]
+    #[arg(long, value_name = "N", conflicts_with = "calibration", value_parser = whole::<u16>)]
     pub flight_line: Option<u16>,
     /// Extend the fitted flight by this time beyond the recording: straight, with the last attitude and the
     /// pulses of the fitted patterns.
@@ -36,7 +36,8 @@ pub struct FitArgs {
         value_name = "SECONDS",
         default_value_t = 0.0,
         hide_default_value = true,
-        conflicts_with = "calibration"
+        conflicts_with = "calibration",
+        value_parser = number
     )]
     pub extend: f64,
     /// Memory of the points, e.g. 8G, at about 36 bytes for each of LAS and LAZ and 56 of other files. Of a

@@ -42,10 +42,10 @@ pub use tools::{
 
 use super::{LogTo, MessageFormat, Verbosity};
 use clap::builder::{PathBufValueParser, TypedValueParser};
-use clap::{ArgAction, Parser, Subcommand};
+use clap::{ArgAction, CommandFactory as _, Parser, Subcommand};
 use std::path::PathBuf;
 use vlscan_base::files::means_stdout;
-use vlscan_options::Switch;
+use vlscan_options::{Switch, with_negative_numbers};
 
 /// Returns a parser of the names of folders and of groups of files, which do not fit into one stream.
 fn files() -> impl TypedValueParser<Value = PathBuf> {
@@ -118,6 +118,11 @@ pub struct Cli {
 }
 
 impl Cli {
+    /// The command line of all commands.
+    pub fn definition() -> clap::Command {
+        with_negative_numbers(Cli::command())
+    }
+
     /// The verbosity that the flags ask for.
     pub fn verbosity(&self) -> Verbosity {
         match (self.silent, self.quiet, self.verbose, self.times) {
@@ -277,6 +282,23 @@ mod tests {
             all.extend(commands(sub, &names));
         }
         all
+    }
+
+    #[test]
+    fn negative_numbers_are_values_that_options_refuse_by_what_they_expect() {
+        for (line, expected) in [
+            ("vlscan raster a.las --dsm s.tif --cell -1", "expected a number above 0"),
+            ("vlscan run a.xml --tile -5", "expected a number above 0"),
+            ("vlscan run a.xml --threads -1", "expected a whole number, 0 or greater"),
+            ("vlscan run a.xml --max-memory -1", "expected a number of bytes"),
+            ("vlscan scene make forest -n -5 -o f", "expected a number such as"),
+            ("vlscan preview a.las -o p.png --width -5", "-5 is not in 320..=16384"),
+        ] {
+            let refused = Cli::definition().try_get_matches_from(line.split(' ')).unwrap_err();
+            assert_eq!(refused.kind(), ErrorKind::ValueValidation, "{line}: {refused}");
+            assert!(refused.to_string().contains(expected), "{line}: {refused}");
+        }
+        assert!(Cli::definition().try_get_matches_from(["vlscan", "run", "a.xml", "--seed", "-5"]).is_ok());
     }
 
     #[test]

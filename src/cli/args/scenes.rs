@@ -4,7 +4,7 @@ use clap::{Args, Subcommand};
 use std::path::PathBuf;
 use vlscan_fit::scene::ReconstructOptions;
 use vlscan_lidar::pulse::PhysicsProfile;
-use vlscan_options::{Bytes, Seed, choice};
+use vlscan_options::{Bytes, Positive, Seed, choice};
 use vlscan_scene::Sharing;
 use vlscan_tools::generate::{SceneOptions, StandOptions};
 use vlscan_trace::Builder;
@@ -84,7 +84,7 @@ pub struct PackArgs {
     pub assets: Vec<PathBuf>,
     /// Wavelength at which spectra are evaluated. [default: that of the survey's scanner, else 1064]
     #[arg(long, value_name = "NM")]
-    pub wavelength: Option<f64>,
+    pub wavelength: Option<Positive>,
     /// Seed of random materials and voxel places. [default: the survey's, else 0]
     #[arg(long, value_name = "SEED")]
     pub seed: Option<Seed>,

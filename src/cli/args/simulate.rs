@@ -2,6 +2,7 @@
 
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
+use vlscan_options::values::whole;
 use vlscan_options::{
     Count, Divergence, EchoOptions, InputOptions, NavigationOptions, NoiseOptions, NotNegative, OneOf,
     Options, OriginOptions, OutputOptions, Positive, ProfileOptions, ScheduleOptions, TrajectoryOptions,
@@ -158,7 +159,7 @@ pub struct MergeArgs {
     #[arg(long, conflicts_with_all = ["check", "segment"])]
     pub join: bool,
     /// Threads that encode; 0 = all, the default. Does not change the bytes.
-    #[arg(short = 'j', long, value_name = "N", help_heading = "Speed")]
+    #[arg(short = 'j', long, value_name = "N", help_heading = "Speed", value_parser = whole::<usize>)]
     pub threads: Option<usize>,
     /// Show progress as plain lines if stderr is not a terminal.
     #[arg(long, help_heading = "Messages")]
@@ -309,6 +310,6 @@ pub struct InstrumentArgs {
     #[arg(long, value_name = "METRES")]
     pub range_max: Option<NotNegative>,
     /// Maximum number of returns per pulse; 0 = unlimited.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = whole::<u32>)]
     pub max_returns: Option<u32>,
 }

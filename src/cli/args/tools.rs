@@ -4,6 +4,7 @@ use super::PointMemory;
 use clap::{Args, Subcommand};
 use std::ffi::OsString;
 use std::path::PathBuf;
+use vlscan_options::values::whole;
 use vlscan_options::{ChunkSize, Count, WarehouseFactor, choice};
 use vlscan_tools::preview::ColourBy;
 use vlscan_trace::Builder;
@@ -39,7 +40,7 @@ pub struct BenchArgs {
     #[arg(long, value_name = "N", default_value = "4")]
     pub warehouse_factor: WarehouseFactor,
     /// Numbers of threads to compare. [default: 1, 2, 4, … to all]
-    #[arg(short = 'j', long, value_name = "N,…", value_delimiter = ',')]
+    #[arg(short = 'j', long, value_name = "N,…", value_delimiter = ',', value_parser = whole::<usize>)]
     pub threads: Vec<usize>,
     /// Number of measurements of each setting, after a warm-up run; the shortest time is reported.
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..))]
@@ -135,7 +136,7 @@ pub struct PreviewArgs {
     pub out: PathBuf,
     /// Plot the waveform of this pulse, its echoes marked with their fitted widths; the number is the eighth
     /// column of point files.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = whole::<u64>)]
     pub pulse: Option<u64>,
     /// Attribute that sets the colour. [default: height; for a survey the density of pulses in a picture,
     /// and in a page the flight line that covers the point, grey where none does]
@@ -148,7 +149,7 @@ pub struct PreviewArgs {
     #[arg(
         long,
         value_name = "PIXELS",
-        default_value_t = 1600,
+        default_value_t = PreviewArgs::WIDTH,
         value_parser = clap::value_parser!(u32).range(320..=16_384),
     )]
     pub width: u32,
@@ -156,7 +157,7 @@ pub struct PreviewArgs {
     #[arg(
         long,
         value_name = "PIXELS",
-        default_value_t = 1000,
+        default_value_t = PreviewArgs::HEIGHT,
         value_parser = clap::value_parser!(u32).range(240..=16_384),
     )]
     pub height: u32,
@@ -172,6 +173,15 @@ pub struct PreviewArgs {
     /// Replace an existing file, and write a picture to a terminal.
     #[arg(long)]
     pub force: bool,
+}
+
+impl PreviewArgs {
+    /// Default width of pictures, pixels.
+    pub const WIDTH: u32 = 1600;
+    /// Default height of pictures, pixels.
+    pub const HEIGHT: u32 = 1000;
+    /// Default number of points in a page.
+    pub const PAGE_POINTS: u64 = 5_000_000;
 }
 
 /// `vlscan completions`.

@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
+use vlscan_base::quantity::number;
 use vlscan_lidar::pulse::PhysicsProfile;
 use vlscan_options::{InputOptions, NotNegative, Options, ResolvedRun, Switch, holds_survey, read_survey};
 use vlscan_session::LegRule;
@@ -24,6 +25,7 @@ pub fn run(args: &TraceArgs, console: &Console) -> Result<()> {
     let (mut setting, warnings) = Setting::read(args)?;
     console.warnings(&warnings)?;
     change_instrument(&mut setting.survey, &args.instrument);
+    check_ranges(&setting.survey, &args.instrument)?;
     let known = setting.known;
     let ResolvedRun { mut settings, mut output, schedule_log, part_table, progress_lines, .. } =
         ResolvedRun::new(setting.survey, &setting.options)?;
@@ -104,6 +106,7 @@ impl Setting {
         };
         let (scene, found) = scene_of(name, &reading)?;
         warnings.extend(found);
+        options.warn_of_unused_formats(&mut warnings)?;
         Ok((Setting { survey: bare_survey(scanner, scene), options, known: false }, warnings))
     }
 }
@@ -129,6 +132,25 @@ fn change_instrument(survey: &mut Survey, args: &InstrumentArgs) {
         }
         leg.scanner.pulse_freq = args.pulse_rate.unwrap_or(leg.scanner.pulse_freq);
     }
+}
+
+/// Refuses ranges of the command line between which there is none.
+fn check_ranges(survey: &Survey, args: &InstrumentArgs) -> Result<()> {
+    if args.range_min.is_none() && args.range_max.is_none() {
+        return Ok(());
+    }
+    let mut detectors = survey.scanner.devices.iter().map(|device| &device.detector);
+    let Some(detector) = detectors.find(|detector| detector.range_min > detector.range_max) else {
+        return Ok(());
+    };
+    Err(Error::input_with_help(
+        format!(
+            "the nearest range, {} m, is beyond the farthest, {} m",
+            number(detector.range_min),
+            number(detector.range_max)
+        ),
+        "--range-min and --range-max",
+    ))
 }
 
 /// Returns the scene of a survey, or of another file that refers to one.

@@ -9,7 +9,7 @@ use std::path::PathBuf;
 use toml::Spanned;
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
-use vlscan_options::Options;
+use vlscan_options::{Options, with_negative_numbers};
 use vlscan_tools::campaign::{File, text_of, words};
 use vlscan_tools::generate::{SceneOptions, StandOptions};
 use vlscan_tools::plan::PlanRequest;
@@ -205,7 +205,7 @@ fn command(key: &'static str) -> Command {
     let is_there =
         |command: &Command, name: &str| command.get_arguments().any(|a| a.get_long() == Some(name));
     let names = DECIDED.iter().filter(|(keys, ..)| keys.contains(&key)).flat_map(|(_, names, _)| *names);
-    names.fold(command, |command, name| {
+    let command = names.fold(command, |command, name| {
         let missing = |command: &Command| {
             let option = Arg::new(*name).long(*name).hide(true).num_args(0..=1);
             let short = match *name {
@@ -234,7 +234,8 @@ fn command(key: &'static str) -> Command {
                 command.arg(option)
             }
         }
-    })
+    });
+    with_negative_numbers(command)
 }
 
 /// The options among `typed` that a campaign decides itself, with what to write instead.

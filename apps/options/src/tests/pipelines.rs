@@ -309,6 +309,14 @@ fn wrong_values_are_marked() {
         &wrong("[settings]\nvertical_resolution_deg = 0.1"),
         &["the scanner would stand still", "give `horizontal_resolution_deg` as well"],
     );
+    contains(
+        &wrong("[scanner]\nseed = 5\ncrs = 25832\nthreads = 2"),
+        &[
+            "`seed` is a key of the file itself: write it above the first table",
+            "`crs` is a key of the file itself",
+            "`threads` is a key of [schedule]",
+        ],
+    );
     contains(&wrong("seed = [1]"), &["is not a seed"]);
     contains(&wrong("crs = 'EPSG:99'"), &["EPSG:99"]);
     contains(&wrong("[schedule]\nmax_memory = '5 bananas'"), &["expected a number of bytes"]);

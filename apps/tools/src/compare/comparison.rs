@@ -117,8 +117,12 @@ pub fn compare(
     let wide_grid = CellGrid::new((low, high), GROUND_CELL.max(options.cell), first, splits)?;
     let [a, b] = [first.1, second.1].map(|points| Cut::of(points, low, high));
     let cuts = [&a, &b];
-    if cuts.iter().any(|cut| cut.len() == 0) {
-        return Err(Error::input("one of the clouds has no points in the common box"));
+    if let Some(empty) = cuts.iter().position(|cut| cut.len() == 0) {
+        let (name, size) = ([first.0, second.0][empty], high - low);
+        return Err(Error::input(format!(
+            "{name} has no points in the box that both clouds cover, {:.3} by {:.3} m",
+            size.x, size.y
+        )));
     }
     let tell = |what: &str, step: &'static str| {
         // The next step uses other attributes.
@@ -202,7 +206,16 @@ fn prepared<'a>(
         Err(_) => None,
     });
     let terrain = match &options.terrain {
-        Some(path) => Some(Terrain::load(path, low, observer)?),
+        Some(path) => {
+            let terrain = Terrain::load(path, low, observer)?;
+            if !cuts.iter().any(|cut| terrain.is_below(cut)) {
+                let mut found = Diagnostics::default();
+                let message = format!("--terrain {}: no point lies above it", path.display());
+                found.warn(None, message).help("it must be in the system and the place of the clouds");
+                observer.warnings(found)?;
+            }
+            Some(terrain)
+        }
         None => Planes::of(cuts[0], own_lines.as_deref()).map(Terrain::Planes),
     };
     let (kind, count, blocks) = blocks_of(cuts[0], own_lines, (low, high), wide_grid.side, first)?;

@@ -14,6 +14,8 @@ use vlscan_survey::{ReadOptions, names_raster, read_scene};
 
 /// Class of ground points in LAS.
 pub(super) const GROUND: u8 = 2;
+/// Number of points by which a terrain is found to be elsewhere.
+const SAMPLED_POINTS: usize = 10_000;
 /// Number of neighbours that a plane is fitted to.
 const NEIGHBOURS: usize = 12;
 /// Largest leverage of a place in the fit of its plane; beyond it the plane is extrapolated.
@@ -67,6 +69,15 @@ impl<'c> Terrain<'c> {
                 Some((model.height(x + corner.x, y + corner.y)? - corner.z, true))
             }
         }
+    }
+
+    /// True if the terrain has a height below one of many points of a cloud.
+    pub fn is_below(&self, cut: &Cut) -> bool {
+        let every = cut.len().div_ceil(SAMPLED_POINTS).max(1);
+        (0..cut.len()).step_by(every).any(|i| {
+            let [x, y, _] = cut.offset(i);
+            self.height([x, y]).is_some()
+        })
     }
 
     /// Description for users.

@@ -113,7 +113,7 @@ pub struct SceneOptions {
     #[arg(short = 'n', long, value_name = "N", default_value = "100k", value_parser = args::count)]
     pub triangles: u64,
     /// Seed; another seed makes another scene.
-    #[arg(long, value_name = "SEED", default_value_t = 1)]
+    #[arg(long, value_name = "SEED", default_value_t = 1, value_parser = args::seed)]
     pub seed: u64,
     /// Edge length of the scene in metres.
     #[arg(long, value_name = "METRES")]

@@ -315,7 +315,7 @@ impl Strip<'_> {
             }
             (None, speed) => (speed.unwrap_or_default(), spacing_of(options.overlap)),
         };
-        if !(speed > 1e-3 && speed < 1000.0) {
+        if !(1e-3..=1000.0).contains(&speed) {
             return Err(PlanError::Speed(speed));
         }
         Ok((speed, spacing))

@@ -6,6 +6,8 @@ use std::path::Path;
 use vlscan_base::Observer;
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::{Error, Result};
+use vlscan_base::files::FileGroup;
+use vlscan_base::quantity::counted;
 use vlscan_formats::{
     AttributeSet, CloudFormat, CloudSettings, CloudWriter, Column, ExtraDimensions, FileFacts, PointFormat,
     PointRecord, PointRow, PointSink, read_points,
@@ -25,7 +27,8 @@ const REACH: f64 = i32::MAX as f64 * SCALE;
 /// have 8 bits if no point has a greater component. Returns the number of points.
 ///
 /// # Errors
-/// The errors of [`read_points`] and [`CloudWriter`]; [`Error::Input`] for a cloud without points.
+/// The errors of [`read_points`] and [`CloudWriter`]; [`Error::Input`] for a cloud without points, or whose
+/// points are too far apart.
 pub fn write_octree(cloud: &Path, out: &Path, replace: bool, observer: &Observer) -> Result<u64> {
     let mut copy = Copy::new(out, replace);
     let mut found = read_points(cloud, &mut copy)?;
@@ -35,12 +38,20 @@ pub fn write_octree(cloud: &Path, out: &Path, replace: bool, observer: &Observer
     let Some(writer) = writer else {
         return Err(Error::input(format!("{} contains no points", cloud.display())));
     };
-    let tally = writer.finish()?;
-    if tally.left_out > 0 {
+    let mut group = FileGroup::default();
+    let tally = writer.finish_in(&mut group)?;
+    if tally.records == 0 {
         let message = format!(
-            "{} points without coordinates, or more than 2147 km from the first points, are left out",
-            tally.left_out
+            "the points of {} are too far apart for COPC: coordinates in millimetres reach 2147 km",
+            cloud.display()
         );
+        return Err(Error::input(message));
+    }
+    group.commit()?;
+    if tally.left_out > 0 {
+        let points = counted(tally.left_out, "point");
+        let message =
+            format!("left out: {points} without coordinates, or more than 2147 km from the first points");
         found.warn(Some(Place::of_file(cloud)), message);
     }
     observer.warnings(found)?;
@@ -301,5 +312,8 @@ mod tests {
         assert!(write_octree(&empty, &again, false, &Observer::default()).is_err());
         assert!(!again.exists());
         assert!(write_octree(&cloud, &out, false, &Observer::default()).is_err(), "the file exists");
+        std::fs::write(&empty, "x,y,z\n0,0,0\n1e10,5e10,0\n5e10,1e10,0\n").unwrap();
+        let error = write_octree(&empty, &again, false, &Observer::default()).unwrap_err().to_string();
+        assert!(error.contains("too far apart") && !again.exists(), "{error}");
     }
 }

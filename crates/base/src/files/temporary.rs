@@ -149,6 +149,12 @@ pub fn refuse_unwritable(path: &Path, force: bool) -> Result<()> {
         let message = format!("{} is not a directory, so {shown} cannot be written", folder.display());
         return Err(Error::input_of(kind, message));
     }
+    // Names that are too long, and folders that may not be searched.
+    if let Err(e) = path.symlink_metadata()
+        && e.kind() != io::ErrorKind::NotFound
+    {
+        return Err(Error::input(format!("{shown} cannot be written: {e}")));
+    }
     refuse_existing(path, force)
 }
 

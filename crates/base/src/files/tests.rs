@@ -43,6 +43,7 @@ fn files_that_cannot_be_written_are_refused_before_the_work() {
         (file.join("b.laz"), true, "a.laz is not a directory"),
         (folder.path().join("none/b.laz"), true, "none is not a directory"),
         (folder.path().to_path_buf(), true, "is a directory, expected a file"),
+        (folder.path().join("x".repeat(300)), true, "cannot be written: "),
     ] {
         let said = refuse_unwritable(&path, force).unwrap_err().to_string();
         assert!(said.contains(expected), "{said}");

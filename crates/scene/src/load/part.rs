@@ -92,8 +92,7 @@ pub(super) fn load_part(
         let Some(body) = body else {
             // What could not be read is an error already.
             if !scene.diagnostics.is_fatal(false) {
-                let message = format!("part \"{id}\" holds no primitives and is left out");
-                scene.diagnostics.warn(part.place.clone(), message);
+                warn_of_empty(scene, part, &id);
             }
             match part.swaps.is_empty() {
                 true => scene.leave_out_next_part(),
@@ -160,8 +159,7 @@ fn load_pages(
     let Some((raster, pages)) = indexed.filter(|(_, pages)| !pages.is_empty()) else {
         // What could not be read is an error already.
         if !scene.diagnostics.is_fatal(false) {
-            let message = format!("part \"{id}\" holds no primitives and is left out");
-            scene.diagnostics.warn(part.place.clone(), message);
+            warn_of_empty(scene, part, &id);
         }
         scene.leave_out_next_part();
         return Ok(true);
@@ -209,6 +207,15 @@ fn leaf_angles(scene: &mut SceneBuilder, part: &PartRecipe) -> Option<Arc<LadTab
             scene.diagnostics.error(part.place.clone(), message).of_kind((&e).into());
             None
         }
+    }
+}
+
+/// Warns of a part that no ray can hit.
+fn warn_of_empty(scene: &mut SceneBuilder, part: &PartRecipe, id: &str) {
+    let message = format!("part \"{id}\" holds no primitives and is left out");
+    let problem = scene.diagnostics.warn(part.place.clone(), message);
+    if matches!(part.loader, Loader::GeoTiff { .. }) {
+        problem.help("a raster needs at least 2 by 2 pixels with heights");
     }
 }
 

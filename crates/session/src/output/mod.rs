@@ -23,6 +23,7 @@
 //! | `piece` | what a batch contributes to an output, and what takes it |
 //! | `writer`, `file` | all outputs, and one of them, in the writer thread |
 //! | `summary` | summary of the outputs |
+//! | `unused` | warnings of choices without effect |
 //!
 //! Formats of points are those of [`vlscan_formats`], to which echoes go as
 //! [`PointRecord`](vlscan_formats::PointRecord)s. Files are written through
@@ -51,6 +52,7 @@ mod testing;
 #[cfg(test)]
 mod tests;
 mod text;
+mod unused;
 mod writer;
 
 pub use context::OutputContext;

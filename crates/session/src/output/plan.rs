@@ -7,6 +7,7 @@ use super::layout::{Content, FilePlan, OutputLayout, OutputLocation};
 use super::points::CloudFacts;
 use super::request::{OutputRequest, Target};
 use super::summary::FileSummary;
+use super::unused::warn_of_unused;
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::IsTerminal as _;
 use std::path::{Path, PathBuf};
@@ -17,8 +18,8 @@ use vlscan_base::files::{
     FileSet, NewFolder, identity, is_special, is_taken, reads, refuse_unwritable, remove_litter,
 };
 use vlscan_formats::{
-    CloudSettings, Column, Destination, FrameNames, LasSettings, Needs, ObjectIds, PacketPlace, PointBatch,
-    PointEncoder, PointFormat,
+    CloudSettings, Column, Destination, FrameNames, Needs, ObjectIds, PacketPlace, PointBatch, PointEncoder,
+    PointFormat,
 };
 use vlscan_geom::DVec3;
 use vlscan_lidar::pulse::Batch;
@@ -279,11 +280,8 @@ fn check_requests(request: &OutputRequest, context: &OutputContext, problems: &m
             )
             .help("-o points.csv, .xyz, .arrow or .parquet");
     }
-    if request.uses_columns() && !request.uses_all_columns() {
-        warn_of_unused_columns(request, problems);
-    }
+    warn_of_unused(request, problems);
     check_frames(request, problems);
-    warn_of_unused_settings(request, problems);
     if request.split_by_channel
         && context.devices.len() > 1
         && request.sinks.iter().any(|(target, _)| streams(target))
@@ -298,50 +296,6 @@ fn check_requests(request: &OutputRequest, context: &OutputContext, problems: &m
     }
 }
 
-/// Warns of chosen columns that no output has.
-fn warn_of_unused_columns(request: &OutputRequest, problems: &mut Diagnostics) {
-    let formats: Vec<PointFormat> = request.sinks.iter().map(|(_, format)| *format).collect();
-    let unused = PointFormat::unused_columns(&formats, &request.cloud);
-    if unused.is_empty() {
-        return;
-    }
-    let has = |column: Column| unused.contains(&column);
-    let other = match (has(Column::HeightAboveGround), has(Column::TrueX)) {
-        (true, _) => "; --height-above-ground writes the height to las, laz and ply",
-        (false, true) => "; --true-positions writes them to las and laz",
-        (false, false) => "",
-    };
-    let names: Vec<&str> = unused.iter().map(|column| column.name()).collect();
-    problems
-        .warn(None, format!("--columns: the outputs have no {}", names.join(", ")))
-        .help(format!("-o points.csv, .xyz, .arrow or .parquet{other}"));
-}
-
-/// Warns of settings of points that no output has.
-fn warn_of_unused_settings(request: &OutputRequest, problems: &mut Diagnostics) {
-    // Any output can be made of a shard, and tables in memory are no files.
-    if request.shard.is_some() || request.sinks.is_empty() {
-        return;
-    }
-    let OutputRequest { cloud, .. } = request;
-    let (las, default) = (&cloud.las, LasSettings::default());
-    let (has_las, in_las) = (request.has_las(), "las or laz");
-    let settings = [
-        ("--las10", las.version != default.version && !has_las, in_las),
-        ("--las-scale", las.scale.is_some() && !has_las, in_las),
-        ("--las-at-most", las.at_most.is_some() && !has_las, in_las),
-        ("--las-extra", las.extra != default.extra && !has_las, in_las),
-        ("--wave-packets", las.packets.is_some() && !has_las, in_las),
-        ("--labels", cloud.labels && !request.has_labels(), "las, laz or ply"),
-        ("--height-above-ground", cloud.heights && !request.has_heights(), "las, laz, ply or csv"),
-        ("--true-positions", cloud.true_positions && !request.has_true_positions(), in_las),
-    ];
-    for (option, _, formats) in settings.into_iter().filter(|(_, is_unused, _)| *is_unused) {
-        let message = format!("{option} has no effect: none of the outputs is {formats}");
-        problems.warn(None, message).help("-o points.laz");
-    }
-}
-
 /// Reports problems of the frames of MCAP.
 fn check_frames(request: &OutputRequest, problems: &mut Diagnostics) {
     let has_frames = request.has_frames();
@@ -353,6 +307,11 @@ fn check_frames(request: &OutputRequest, problems: &mut Diagnostics) {
         problems
             .error(None, "--world-frame and --sensor-frame apply to MCAP output only")
             .help("-o points.mcap");
+    }
+    for (option, name) in [("--world-frame", &names.world), ("--sensor-frame", &names.sensor)] {
+        if name.trim().is_empty() {
+            problems.error(None, format!("{option}: the name of the frame is empty")).help("map, lidar");
+        }
     }
     if names.world == names.sensor {
         let message = format!("--world-frame and --sensor-frame are both \"{}\"", names.world);

@@ -116,6 +116,8 @@ pub(super) struct StreamWorker<'a> {
 const MAX_CACHED_INSTRUMENTS: usize = 256;
 /// Maximum number of steps by which a scene can move: an hour at 3 MHz.
 const MAX_STEP: u64 = 11_000_000_000;
+/// Largest number of a leg in a stream: point source ids are one more.
+const MAX_LEG: u32 = u16::MAX as u32 - 1;
 
 impl<'a> StreamWorker<'a> {
     pub fn new(pass: &'a Pass<'a>, tracing: &'a Tracing<'a>) -> StreamWorker<'a> {
@@ -214,6 +216,11 @@ impl Tracing<'_> {
         let legs = self.survey.legs.len();
         if (self.legs.known || self.legs.separate_files) && row.leg as usize >= legs {
             return Err((PulseColumn::Leg, format!("leg {}, the survey has {legs}", row.leg)));
+        }
+        if row.leg > MAX_LEG {
+            let message =
+                format!("leg {}, expected at most {MAX_LEG}: records of points hold 16 bits", row.leg);
+            return Err((PulseColumn::Leg, message));
         }
         if has_motion && row.step > MAX_STEP {
             return Err((PulseColumn::Step, format!("step {}, expected at most {MAX_STEP}", row.step)));

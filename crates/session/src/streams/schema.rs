@@ -78,7 +78,11 @@ impl StreamSchema {
         for (position, (heading, place, no_numbers)) in headings.enumerate() {
             match (parse_pulse_heading(heading), no_numbers) {
                 (Ok((column, _)), _) if self.present.has(column) => {
-                    problems.error(Some(place), format!("a second column for {}", column.entry().name()));
+                    let message = format!("a second column for {}", column.entry().name());
+                    let problem = problems.error(Some(place), message);
+                    if heading.trim().eq_ignore_ascii_case("elevation") {
+                        problem.help("elevation is a height; the angle is elevation_deg or elevation[rad]");
+                    }
                 }
                 (Ok(_), Some(holds)) => {
                     problems

@@ -48,6 +48,11 @@ impl Fields<'_> {
     /// The composed `<rot>` children of a parameter.
     pub fn rotation(&mut self, key: &'static str) -> Option<Rotation> {
         let param = self.declared_param(key, &["rotation"])?;
+        if let Some(text) = param.value("value") {
+            let message = format!("`value` of a rotation is ignored: `{text}`");
+            let help = "turns are children: <rot axis=\"z\" angle_deg=\"90\"/>";
+            self.context.warn_help(param.value_place("value"), message, help);
+        }
         let local = is_local(&mut Fields::new(self.context, &param));
         Some(read_rotations(self.context, &param, local))
     }

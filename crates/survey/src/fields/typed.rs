@@ -218,8 +218,8 @@ impl<'c> Fields<'c> {
     /// Three numbers: in XML separated by semicolons.
     pub fn vector(&mut self, key: impl Into<Key>) -> Option<DVec3> {
         let expected = match self.is_toml() {
-            true => "three finite numbers, such as [0, 0, 1]",
-            false => "three numbers with semicolons, such as 0;0;1",
+            true => "three finite numbers within ±1e12, such as [0, 0, 1]",
+            false => "three numbers with semicolons within ±1e12, such as 0;0;1",
         };
         let are_usable = |list: &[f64]| list.len() == 3 && list.iter().all(|number| NUMBER.contains(*number));
         self.numbers(key.into(), are_usable, expected).map(|list| DVec3::from_slice(&list))

@@ -300,6 +300,10 @@ fn keys_of_another_table_name_it() {
         (format!("{scanner}[settings]\nspeed_m_per_s = 5"), "`speed_m_per_s` is a key of [[leg]]"),
         (format!("{scanner}[settings]\nrain_mm_h = 5"), "`rain_mm_h` is a key of `weather` of [settings]"),
         (format!("{scanner}probability = 0.1"), "`probability` is a key of `afterpulse` of [scanner]"),
+        (
+            format!("{scanner}scene = 'b.obj'"),
+            "`scene` is a key of the file itself: write it above the first table",
+        ),
     ] {
         contains(&refused_pipeline(&lines), &[help]);
     }

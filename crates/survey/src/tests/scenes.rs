@@ -65,7 +65,16 @@ fn transforms_accumulate_as_the_format_says() {
         scale("0.5"),
         translate("1;+2;3"),
     ];
-    let scene = clean_scene(&format!("<part>{}</part>", part.concat()));
+    let (scene, text) = warned(&format!("<part>{}</part>", part.concat()));
+    contains(
+        &text,
+        &[
+            "this scale replaces the one before, 3: they do not multiply",
+            "one scale of 1.5",
+            "this offset replaces the one before, 9;9;9: they do not add up",
+            "one offset of 10;11;12",
+        ],
+    );
     let t = scene.parts[0].transform;
     assert_eq!((t.scale, t.offset, t.on_ground), (0.5, DVec3::new(1.0, 2.0, 3.0), 0));
     assert_eq!(t.rotation, Rotation::about_z(radians(60.0)).after(Rotation::about_x(radians(30.0))));
@@ -98,6 +107,7 @@ fn parameters_of_other_types_are_read_all_the_same() {
         ),
         (filter("scale", ""), "the filter `scale` needs the parameter `scale`"),
         (filter("translate", &param("vec3", "offset", "1;2")), "must be three numbers with semicolons"),
+        (filter("translate", &param("vec3", "offset", "1e13;2;3")), "within ±1e12"),
         (filter("rotate", ""), "needs the parameter `rotation`"),
         (filter("twist", ""), "unknown filter type `twist`"),
     ] {

@@ -10,6 +10,7 @@ use serde::de::Visitor;
 use std::collections::{BTreeMap, HashMap};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 use toml::Spanned;
 use toml::de::{DeString, DeTable, DeValue, Deserializer, ValueDeserializer};
 use vlscan_base::diag::{Diagnostic, Diagnostics, Place, ProblemKind, nearest};
@@ -23,6 +24,8 @@ use vlscan_tables::input::read_file;
 pub struct Source {
     path: PathBuf,
     text: String,
+    /// The keys that other crates take, by table; known once the survey is read.
+    taken: OnceLock<BTreeMap<&'static str, Vec<&'static str>>>,
 }
 
 /// Maximum size of a file, bytes.
@@ -30,30 +33,30 @@ const MAX_FILE_BYTES: u64 = 1 << 24;
 /// Maximum number of reported problems of one file.
 const MAX_PROBLEMS: usize = 200;
 
-/// Tables that have a key of this name: those with headers, such as `[settings]`, else those within them,
-/// such as `weather` of `[settings]`. `None` if there are none.
-fn tables_with(key: &str) -> Option<String> {
-    let headed = headed_tables_with(key);
-    if !headed.is_empty() {
-        return Some(headed.join(" and "));
-    }
-    let inner = SURVEY_TABLES.iter().filter(|table| !table.name.is_empty() && has_key(table, key));
-    let names = inner.filter_map(|table| {
-        let outer = headed_tables_with(table.name);
-        (!outer.is_empty()).then(|| format!("`{}` of {}", table.name, outer.join(" and ")))
-    });
-    let names: Vec<String> = names.collect();
-    (!names.is_empty()).then(|| names.join(" and "))
-}
+/// Description of the keys above all tables.
+const TOP: &str = "the file itself: write it above the first table";
 
 /// Headers of the tables that have a key of this name.
-fn headed_tables_with(key: &str) -> Vec<&'static str> {
-    let tables = SURVEY_TABLES.iter().filter(|table| table.name.starts_with('[') && has_key(table, key));
-    tables.map(|table| table.name).collect()
+fn headed_tables_with(key: &str) -> impl Iterator<Item = &'static str> {
+    SURVEY_TABLES
+        .iter()
+        .filter(move |table| table.name.starts_with('[') && has_key(table, key))
+        .map(|t| t.name)
 }
 
 fn has_key(table: &KeyTable, key: &str) -> bool {
     table.keys.iter().any(|(name, _)| *name == key)
+}
+
+/// The tables within others that have a key of this name, such as `weather` of `[settings]`.
+fn inner_tables_with(key: &str) -> Vec<String> {
+    let is_inner = |table: &&KeyTable| !table.name.is_empty() && !table.name.starts_with('[');
+    let names =
+        SURVEY_TABLES.iter().filter(is_inner).filter(|table| has_key(table, key)).filter_map(|table| {
+            let outer: Vec<&str> = headed_tables_with(table.name).collect();
+            (!outer.is_empty()).then(|| format!("`{}` of {}", table.name, outer.join(" and ")))
+        });
+    names.collect()
 }
 
 impl Source {
@@ -67,7 +70,7 @@ impl Source {
             return Err(found.error(path));
         }
         match decode(&bytes) {
-            Ok(text) => Ok(Source { path: path.to_path_buf(), text }),
+            Ok(text) => Ok(Source::of_text(path, text)),
             Err(e) => {
                 let (line, excerpt) = line_of_bytes(&bytes, e.at);
                 let mut problems = Diagnostics::default();
@@ -79,7 +82,7 @@ impl Source {
 
     /// A text in memory; `path` is its name in messages, and its folder the one that names are relative to.
     pub fn of_text(path: &Path, text: String) -> Source {
-        Source { path: path.to_path_buf(), text }
+        Source { path: path.to_path_buf(), text, taken: OnceLock::new() }
     }
 
     /// Folder of the file, to which relative names in it refer.
@@ -156,10 +159,28 @@ impl Source {
         }
     }
 
+    /// The places that have a key of this name: tables with headers, such as `[settings]`, and the file
+    /// itself, else tables within others. `None` if there are none.
+    fn tables_with(&self, key: &str) -> Option<String> {
+        let taken = self.taken.get().into_iter().flatten().filter(|(_, keys)| keys.contains(&key));
+        let of_options = taken.map(|(table, _)| format!("[{table}]")).filter(|name| name != "[]");
+        let mut names: Vec<String> = headed_tables_with(key).map(str::to_owned).chain(of_options).collect();
+        let of_survey = SURVEY_TABLES.iter().any(|table| table.name.is_empty() && has_key(table, key));
+        let has_top =
+            |taken: &BTreeMap<&str, Vec<&str>>| taken.get("").is_some_and(|keys| keys.contains(&key));
+        if of_survey || self.taken.get().is_some_and(has_top) {
+            names.push(TOP.to_owned());
+        }
+        if names.is_empty() {
+            names = inner_tables_with(key);
+        }
+        (!names.is_empty()).then(|| names.join(" and "))
+    }
+
     /// Records a key that is not in `known`.
     pub(crate) fn report_unknown(&self, key: &Spanned<DeString>, known: &[&str], problems: &mut Diagnostics) {
         let near = nearest(key.get_ref(), known.iter().copied());
-        let help = match (tables_with(key.get_ref()), near) {
+        let help = match (self.tables_with(key.get_ref()), near) {
             (Some(tables), Some(near)) => {
                 format!("`{}` is a key of {tables}; did you mean `{near}` here?", key.get_ref())
             }
@@ -281,6 +302,8 @@ impl<'t> Tables<'t> {
     /// the tables of which some have been taken are reported as unknown; the caller shows the problems.
     pub(super) fn finish(mut self) -> (DeTable<'t>, Vec<&'static str>, Diagnostics) {
         let mut root = std::mem::take(self.root.get_mut());
+        // Several scanners read the same keys.
+        let _ = self.source.taken.set(self.known.clone());
         let mut names = self.known.remove("").unwrap_or_default();
         for (table, known) in &self.known {
             names.push(table);

@@ -45,7 +45,7 @@ pub struct StandOptions {
     #[arg(long, value_name = "FILE.mtl#NAME", requires = "terrain")]
     pub terrain_mtl: Option<String>,
     /// Seed of the choice of models, yaw, thinning and storm.
-    #[arg(long, value_name = "N", default_value_t = 0)]
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = args::seed)]
     pub seed: u64,
     /// Number of epochs; the first one is the inventory.
     #[arg(

@@ -64,6 +64,12 @@ pub enum LasError {
          filters.reprojection"
     )]
     Geographic,
+    /// Coordinates that are distances from the centre of the Earth.
+    #[error(
+        "its coordinates are geocentric, so z is not the height; project them, for example with PDAL's \
+         filters.reprojection"
+    )]
+    Geocentric,
     /// Points that cannot be read to the last one.
     #[error("{source} after {at} of {count} points; is the file truncated?")]
     Points {
@@ -186,6 +192,7 @@ impl Problem for LasError {
             }
             LasError::Version { .. }
             | LasError::Geographic
+            | LasError::Geocentric
             | LasError::Coder(_)
             | LasError::Compressor(_)
             | LasError::ItemKind(_)

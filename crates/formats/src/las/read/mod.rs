@@ -41,6 +41,7 @@ use rows::RowFormat;
 use std::collections::BTreeMap;
 use std::io::ErrorKind;
 use std::ops::ControlFlow;
+use units::Unprojected;
 use vlscan_geom::DVec3;
 
 /// Maximum number of records that one call of [`LasReader::read_records`] passes.
@@ -190,15 +191,15 @@ pub(crate) fn read(bytes: &[u8], reading: &mut Reading) -> Result<(), LasError> 
         reading.pass_object_names(object_names(&reader)?);
     }
     rows.metres = metres;
-    // The first position decides whether degrees can be read, before any point is passed on.
-    let passed = match units.is_angle {
-        true => Passed::default(),
-        false => reader.read_blocks(&rows, reading),
+    // The first position decides whether such coordinates can be read, before any point is passed on.
+    let passed = match units.unprojected {
+        Some(_) => Passed::default(),
+        None => reader.read_blocks(&rows, reading),
     };
     if passed.is_ended || passed.points == reader.header.count {
         return Ok(());
     }
-    read_in_order(&mut reader, &rows, (passed.points, units.is_angle), reading)
+    read_in_order(&mut reader, &rows, (passed.points, units.unprojected), reading)
 }
 
 /// The names of objects by their numbers, as files of this program have them: lines of number, tab, name.
@@ -214,31 +215,32 @@ fn object_names(reader: &LasReader) -> Result<BTreeMap<i32, String>, LasError> {
     Ok(lists.into_iter().flat_map(names).collect())
 }
 
-/// Reads all records in order, and passes on the points after the first `passed` ones. `are_degrees` is set
-/// if the coordinate reference system is in degrees.
+/// Reads all records in order, and passes on the points after the first `passed` ones. `unprojected` is the
+/// form of coordinates that the coordinate reference system states, if it cannot be read.
 fn read_in_order(
     reader: &mut LasReader,
     rows: &RowFormat,
-    (mut passed, mut are_degrees): (u64, bool),
+    (mut passed, mut unprojected): (u64, Option<Unprojected>),
     reading: &mut Reading,
 ) -> Result<(), LasError> {
     let (mut more, mut values) = (true, Vec::new());
     while more {
-        let mut is_geographic = false;
+        let mut refused = None;
         more = reader.read_records(|record, position| {
             if passed > 0 {
                 passed -= 1;
                 return ControlFlow::Continue(());
             }
-            if std::mem::take(&mut are_degrees) {
-                if position.x.abs() <= 360.0 && position.y.abs() <= 90.0 {
-                    is_geographic = true;
+            if let Some(stated) = unprojected.take() {
+                if stated.fits(position) {
+                    refused = Some(stated);
                     return ControlFlow::Break(());
                 }
-                reading.warn(
-                    "its coordinate reference system is in degrees, its coordinates are not; they are taken \
-                     as metres",
-                );
+                reading.warn(format!(
+                    "its coordinate reference system is {}, its coordinates are not; they are taken as \
+                     metres",
+                    stated.name()
+                ));
             }
             if let Some(details) = rows.details(record) {
                 reading.sink.details(&details);
@@ -248,8 +250,8 @@ fn read_in_order(
             reading.pass_values(&values);
             reading.take(&rows.row(record))
         })?;
-        if is_geographic {
-            return Err(LasError::Geographic);
+        if let Some(stated) = refused {
+            return Err(stated.error());
         }
     }
     Ok(())

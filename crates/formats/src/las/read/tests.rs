@@ -213,6 +213,14 @@ fn degrees_are_refused_and_feet_become_metres() {
     let points = records(5).concat();
     let (rows, said) = read(&file(5, false, keys(&[[1024, 0, 1, 2], [2048, 0, 1, 4326]]), &points));
     assert!(rows.is_empty() && said[0].contains("longitude and latitude"), "{said:?}");
+    // A geocentric system, of coordinates that are far from the surface of the Earth, and of others.
+    let geocentric = || keys(&[[1024, 0, 1, 3], [2048, 0, 1, 4978]]);
+    let (rows, said) = read(&file(5, false, geocentric(), &points));
+    assert!(rows.len() == 5 && said[0].contains("is geocentric, its coordinates are not"), "{said:?}");
+    let mut record = [0; 20];
+    record[..4].copy_from_slice(&637_800_000i32.to_le_bytes());
+    let (rows, said) = read(&file(1, false, geocentric(), &record));
+    assert!(rows.is_empty() && said[0].contains("z is not the height"), "{said:?}");
     let (rows, said) = read(&file(5, false, keys(&[[1024, 0, 1, 1], [3076, 0, 1, 9002]]), &points));
     assert!((rows[4].position.x - 0.05 * 0.3048).abs() < 1e-12, "{rows:?}");
     assert!(said.len() == 2 && said[0].contains("0.3048") && said[1].contains("heights"), "{said:?}");

@@ -19,18 +19,57 @@ const PROJECTED_UNIT: u16 = 3076;
 const PROJECTED_UNIT_METRES: u16 = 3077;
 const VERTICAL_SYSTEM: u16 = 4096;
 const VERTICAL_UNIT: u16 = 4099;
-/// Value of [`MODEL_TYPE`] for longitude and latitude.
+/// Values of [`MODEL_TYPE`] for longitude and latitude, and for distances from the centre of the Earth.
 const GEOGRAPHIC: u16 = 2;
+const GEOCENTRIC: u16 = 3;
 /// Value of a key whose meaning other keys define.
 const USER_DEFINED: u16 = 32_767;
+
+/// Distances from the centre of the Earth that geocentric coordinates have, m.
+const EARTH_RADII: std::ops::Range<f64> = 6_300_000.0..6_500_000.0;
+
+/// A form of coordinates without easting, northing and height.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Unprojected {
+    /// Longitude and latitude.
+    Geographic,
+    /// Distances from the centre of the Earth.
+    Geocentric,
+}
+
+impl Unprojected {
+    /// Its name after "a system that is".
+    pub fn name(self) -> &'static str {
+        match self {
+            Unprojected::Geographic => "in degrees",
+            Unprojected::Geocentric => "geocentric",
+        }
+    }
+
+    /// True if a position can have this form: some files name a system that their coordinates are not in.
+    pub fn fits(self, position: DVec3) -> bool {
+        match self {
+            Unprojected::Geographic => position.x.abs() <= 360.0 && position.y.abs() <= 90.0,
+            Unprojected::Geocentric => EARTH_RADII.contains(&position.length()),
+        }
+    }
+
+    /// The error of a file whose coordinates have this form.
+    pub fn error(self) -> LasError {
+        match self {
+            Unprojected::Geographic => LasError::Geographic,
+            Unprojected::Geocentric => LasError::Geocentric,
+        }
+    }
+}
 
 /// The units of positions, and remarks about them.
 #[derive(Debug, Default)]
 pub(super) struct PositionUnits {
     /// Metres in a unit of x, y and z.
     pub metres: Option<DVec3>,
-    /// True if horizontal coordinates are angles.
-    pub is_angle: bool,
+    /// The form of coordinates that cannot be read, by the system.
+    pub unprojected: Option<Unprojected>,
     /// The system of the coordinates as WKT, if the file names one.
     pub crs: Option<String>,
     /// How the units were taken.
@@ -99,8 +138,13 @@ impl Keys<'_> {
 
     /// The units, and remarks about unknown ones.
     fn units(&self) -> (Units, Vec<String>) {
-        if self.code(MODEL_TYPE) == Some(GEOGRAPHIC) {
-            return (Units { horizontal: Some(Unit::Angle), vertical: None }, Vec::new());
+        let unprojected = match self.code(MODEL_TYPE) {
+            Some(GEOGRAPHIC) => Some(Unit::Angle),
+            Some(GEOCENTRIC) => Some(Unit::Geocentric),
+            _ => None,
+        };
+        if unprojected.is_some() {
+            return (Units { horizontal: unprojected, vertical: None }, Vec::new());
         }
         let stated = |key: u16| self.code(key).map(|code| (code, LengthUnit::of_epsg(code)));
         let unit = |stated: &Option<(u16, Option<LengthUnit>)>| stated.clone().and_then(|(_, unit)| unit);
@@ -139,10 +183,15 @@ impl Keys<'_> {
 
 impl PositionUnits {
     fn of(Units { horizontal, vertical }: Units) -> PositionUnits {
-        let across = match &horizontal {
-            Some(Unit::Angle) => return PositionUnits { is_angle: true, ..PositionUnits::default() },
-            horizontal => horizontal.as_ref().and_then(Unit::length),
+        let unprojected = match &horizontal {
+            Some(Unit::Angle) => Some(Unprojected::Geographic),
+            Some(Unit::Geocentric) => Some(Unprojected::Geocentric),
+            _ => None,
         };
+        if unprojected.is_some() {
+            return PositionUnits { unprojected, ..PositionUnits::default() };
+        }
+        let across = horizontal.as_ref().and_then(Unit::length);
         let up = vertical.as_ref().and_then(Unit::length);
         if [across, up].into_iter().flatten().all(LengthUnit::is_metre) {
             return PositionUnits::default();
@@ -158,7 +207,7 @@ impl PositionUnits {
         };
         PositionUnits {
             metres: Some(DVec3::new(x.metres, x.metres, z.metres)),
-            is_angle: false,
+            unprojected: None,
             crs: None,
             note: Some(format!(
                 "according to its coordinate reference system x and y are in {} ({} m), heights in {} ({} \

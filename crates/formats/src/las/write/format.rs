@@ -8,6 +8,8 @@ use crate::settings::CloudSettings;
 use vlscan_base::diag::Diagnostics;
 use vlscan_geom::{Aabb, DVec3};
 
+/// Coarsest scale that can be chosen where finer ones hold the scene, m.
+const MAX_SCALE: f64 = 1.0;
 /// Highest class of point format 1.
 pub(super) const MAX_CLASS_1: i32 = 31;
 
@@ -197,10 +199,14 @@ fn choose_scale(requested: Option<f64>, bounds: &Aabb, problems: &mut Diagnostic
     };
     if !(scale > 0.0 && scale.is_finite()) {
         problems.error(None, format!("expected a LAS scale greater than 0 m, found {scale}"));
+    } else if scale > MAX_SCALE && fits(MAX_SCALE) {
+        problems
+            .error(None, format!("a LAS scale of {scale} m moves points by up to half of it"))
+            .help(format!("the scale is in metres, at most {MAX_SCALE}; 0.001 is a millimetre"));
     } else if !fits(scale) {
         let min_scale = reach / f64::from(i32::MAX);
         problems
-            .error(None, format!("the coordinates of the scene exceed 32 bits at a LAS scale of {scale} m"))
+            .error(None, format!("the coordinates of the scene exceed 32 bits at a LAS scale of {scale:e} m"))
             .help(format!("choose a scale of at least {min_scale:.1e} m"));
     }
     scale
@@ -220,10 +226,13 @@ mod tests {
         assert!(choose_scale(None, &sized(1e12), &mut problems) > 100.0);
         assert_eq!(choose_scale(Some(0.01), &sized(300e3), &mut problems), 0.01);
         assert!(problems.items().is_empty());
-        for wrong in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e-5] {
+        assert_eq!(choose_scale(Some(1.0), &sized(300e3), &mut problems), 1.0);
+        assert_eq!(choose_scale(Some(1e6), &sized(1e12), &mut problems), 1e6);
+        assert!(problems.items().is_empty());
+        for wrong in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e-5, 10.0] {
             choose_scale(Some(wrong), &sized(300e3), &mut problems);
         }
-        assert_eq!(problems.items().len(), 5);
+        assert_eq!(problems.items().len(), 6);
     }
 
     #[test]

@@ -7,6 +7,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::Arc;
 use vlscan_base::error::Result;
+use vlscan_base::quantity::counted;
 use vlscan_geom::DVec3;
 use vlscan_survey::{Mesh, MeshColours};
 
@@ -46,7 +47,7 @@ pub(crate) fn load_with(
     let first_face = scene.faces.count;
     scene.faces.count += face_of.last().map_or(triangles.len(), |last| *last as usize + 1);
     let mut colours = MeshColours::default();
-    let mut without_area = 0;
+    let mut without_area = 0_usize;
     for (i, triangle) in triangles.iter().enumerate() {
         if !has_area(triangle) {
             without_area += 1;
@@ -69,7 +70,7 @@ pub(crate) fn load_with(
         }
     }
     if without_area > 0 {
-        let message = format!("{without_area} triangles without area are left out");
+        let message = format!("left out: {} without area", counted(without_area, "triangle"));
         scene.diagnostics.warn(part.place.cloned(), message);
     }
     for material in untextured.into_iter().filter_map(|number: usize| mesh.materials().get(number)) {

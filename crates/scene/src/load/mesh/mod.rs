@@ -52,6 +52,7 @@ use std::collections::HashSet;
 use std::path::Path;
 use vlscan_base::diag::{Place, listed};
 use vlscan_base::error::{Error, Result};
+use vlscan_base::quantity::number;
 use vlscan_base::recognise::{Expected, Foreign, foreign, is_off};
 use vlscan_formats::is_ply;
 use vlscan_geom::DVec3;
@@ -59,6 +60,9 @@ use vlscan_survey::{MaterialDefinition, Mesh, MeshColours, MeshReading, UpAxis};
 
 /// Warning of colours in formats that are read without.
 const UNREAD_COLOURS: &str = "its colours are not read; OBJ, PLY and glTF files may have colours";
+
+/// Largest step of coordinates of 32 bits that is not warned of, m.
+const MAX_STEP_M: f64 = 0.01;
 
 /// Formats of mesh files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -133,6 +137,8 @@ struct RawMesh {
     fans: Vec<Fan>,
     /// Number of faces of fewer than three corners, which have no triangle.
     edges: usize,
+    /// True if the file has coordinates of 32 bits.
+    is_single: bool,
     /// Omissions, as sentences about the file.
     warnings: Vec<String>,
     /// Colours of triangles, if they are requested.
@@ -154,6 +160,23 @@ impl RawMesh {
             self.face_of.push(self.faces);
         }
         self.faces += 1;
+    }
+
+    /// Warns of coordinates of 32 bits that are too large to be exact. `unit_m` is their unit.
+    fn check_precision(&mut self, unit_m: f64) {
+        let sizes = self.vertices.iter().filter(|v| v.is_finite()).map(|v| v.abs().max_element());
+        let farthest = sizes.fold(0.0, f64::max);
+        let stored = farthest as f32;
+        let step = (f64::from(stored.next_up()) - f64::from(stored)) * unit_m;
+        if self.is_single && step > MAX_STEP_M && step.is_finite() {
+            self.warnings.push(format!(
+                "its coordinates are numbers of 32 bits, which have steps of {} m at {}: all surfaces are \
+                 rounded to them; write the mesh as OBJ or with 64 bits, or around 0, and move it by a \
+                 translate filter",
+                number(step),
+                number(farthest * unit_m)
+            ));
+        }
     }
 
     /// Divides the polygons into triangles.
@@ -224,6 +247,7 @@ pub(crate) fn load(
             return Ok(());
         }
     };
+    raw.check_precision(frame.unit_m);
     raw.divide_polygons();
     for warning in std::mem::take(&mut raw.warnings) {
         scene.diagnostics.warn(Some(Place::of_file(source.path())), warning);

@@ -28,7 +28,8 @@ fn read_mesh(bytes: &[u8], name: String, colours: bool) -> Result<RawMesh, PlyMe
         Encoding::Ascii => ElementReader::Text(PlyNumbers::new(body)),
         encoding => ElementReader::Binary(parser, encoding, body),
     };
-    let mut mesh = RawMesh { materials: vec![diffuse(name)], ..RawMesh::default() };
+    let is_single = header.encoding != Encoding::Ascii && has_single_positions(&header);
+    let mut mesh = RawMesh { materials: vec![diffuse(name)], is_single, ..RawMesh::default() };
     let mut has_faces = false;
     for definition in header.elements.values().filter(|e| !e.properties.is_empty()) {
         has_faces |= matches!(definition.name.as_str(), "face" | "tristrips");
@@ -126,6 +127,15 @@ fn unread_colours(header: &Header, text: &[u8], mesh: &RawMesh) -> Vec<String> {
         found.push("its texture is not read; OBJ and glTF files may have textures".to_owned());
     }
     found
+}
+
+/// True if a coordinate of the vertices has 32 bits.
+fn has_single_positions(header: &Header) -> bool {
+    let mut properties = header.elements.get("vertex").into_iter().flat_map(|e| e.properties.values());
+    properties.any(|property| {
+        ["x", "y", "z"].contains(&property.name.as_str())
+            && matches!(property.data_type, PropertyType::Scalar(ScalarType::Float))
+    })
 }
 
 /// Comment with the name of a texture, as programs write it.

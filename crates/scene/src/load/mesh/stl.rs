@@ -95,7 +95,7 @@ impl Corners {
 }
 
 fn read_binary(triangles: &[u8], name: String) -> RawMesh {
-    let mut mesh = RawMesh { materials: vec![diffuse(name)], ..RawMesh::default() };
+    let mut mesh = RawMesh { materials: vec![diffuse(name)], is_single: true, ..RawMesh::default() };
     let mut corners = Corners::default();
     for triangle in triangles.chunks_exact(TRIANGLE_BYTES) {
         let float = |i: usize| f64::from(f32::from_le_bytes([0, 1, 2, 3].map(|b| triangle[12 + 4 * i + b])));

@@ -211,15 +211,21 @@ impl YieldCheck<'_> {
             true => "",
             false => ", as --physics helios has it (receivedEnergyMin_W compared with nanowatts)",
         };
+        let threshold = format!("threshold {:.2e} W{unit}", weak.threshold * WATTS_PER_NANOWATT);
+        // The strongest light is that of all surfaces on the way of a beam, up to the threshold.
+        let light = match weak.strongest < weak.threshold {
+            true => format!(
+                "strongest {:.2e} W, {threshold}{}",
+                weak.strongest * WATTS_PER_NANOWATT,
+                lacking(weak.threshold / weak.strongest)
+            ),
+            false => format!("{threshold}, which the light of one range alone does not reach"),
+        };
         let message = format!(
-            "{} for {}: {} met the scene and returned less than the detector needs: strongest {:.2e} W, \
-             threshold {:.2e} W{unit}{}; {}",
+            "{} for {}: {} met the scene and returned less than the detector needs: {light}; {}",
             amount_of(echoes as f64, "point"),
             amount_of(pulses as f64, "pulse"),
             amount_of(weak.count as f64, "beam"),
-            weak.strongest * WATTS_PER_NANOWATT,
-            weak.threshold * WATTS_PER_NANOWATT,
-            lacking(weak.threshold / weak.strongest),
             others(beam_counts.near.count, "too near", pulses.saturating_sub(unseen(beam_counts) + echoes))
         );
         let help = if corrections.radiometry {

@@ -383,8 +383,8 @@ fn leave_out_faults(scene: &mut SceneBuilder, source: &Source, reading: Reading,
     }
     if let Some(&i) = without_area.first() {
         let (line, at) = mesh.locate(source, reading, i);
-        let message =
-            format!("{} triangles without area are left out; this is the first", without_area.len());
+        let triangles = counted(without_area.len(), "triangle");
+        let message = format!("left out: {triangles} without area; this is the first");
         scene.diagnostics.warn(Some(source.place(line, at)), message);
     }
     let mut kept = first;

@@ -269,3 +269,41 @@ fn gltf_may_require_what_does_not_concern_geometry() {
     let without = with_fallback.replace("\"bufferView\":0,\"componentType\"", "\"componentType\"");
     assert!(refused("a.glb", &glb(&without, &triangle_bytes())).contains("compressed by KHR_draco"));
 }
+
+#[test]
+fn coordinates_of_32_bits_that_are_rounded_to_centimetres_are_warned_of() {
+    let warnings = |name: &str, bytes: &[u8]| {
+        let mut f = fixture(name, bytes);
+        let files: Vec<PathBuf> = vec![f.path().join(name)];
+        f.part(Loader::MeshFiles { files, reading: MeshReading::default() });
+        let (_, found) = f.load().unwrap_or_else(|e| panic!("{}", report(&e)));
+        found.text()
+    };
+    let stl = |x: f32| {
+        let mut bytes = vec![0; 80];
+        bytes.extend(1u32.to_le_bytes());
+        for number in [0.0, 0.0, 1.0, x, 0.0, 0.0, x + 10.0, 0.0, 0.0, x, 10.0, 0.0] {
+            bytes.extend(number.to_le_bytes());
+        }
+        bytes.extend([0, 0]);
+        bytes
+    };
+    let found = warnings("a.stl", &stl(475_000.0));
+    assert!(found.contains("steps of 0.031") && found.contains(" m at 475010: "), "{found}");
+    assert!(!warnings("a.stl", &stl(10_000.0)).contains("32 bits"));
+    let ply = |kind: &str, corners: Vec<u8>| {
+        let property = |name: &str| format!("property {kind} {name}\n");
+        let head = format!(
+            "ply\nformat binary_little_endian 1.0\nelement vertex 3\n{}element face 1\n\
+             property list uchar int vertex_indices\nend_header\n",
+            ["x", "y", "z"].map(property).concat()
+        );
+        let face = [3, 0, 0, 0, 0, 1, 0, 0, 0, 2, 0, 0, 0];
+        [head.as_bytes(), &corners, &face].concat()
+    };
+    let corners = [475_000.0, 0.0, 0.0, 475_010.0, 0.0, 0.0, 475_000.0, 10.0, 0.0];
+    let single: Vec<u8> = corners.iter().flat_map(|c| (*c as f32).to_le_bytes()).collect();
+    let double: Vec<u8> = corners.iter().flat_map(|c: &f64| c.to_le_bytes()).collect();
+    assert!(warnings("a.ply", &ply("float", single)).contains("steps of 0.031"));
+    assert!(!warnings("a.ply", &ply("double", double)).contains("32 bits"));
+}
