@@ -280,7 +280,7 @@ def main():
         row = [of_real[n], *(columns[k][n] for k in simulated), result["chance in figures"][n]]
         print(f"{n:34}" + "".join(f"{v:10.4f}" for v in row))
     # of a number that is small of all pulses, the error of its own
-    for n in ("share double", "share triple"):
+    for n in (name for name in ("share double", "share triple") if of_real[name] > 0):
         off = "".join(f"{columns[k][n] / of_real[n] - 1:+10.0%}" for k in simulated)
         print(f"{n + ', off by':34}{'':10}{off}{result['chance in figures'][n] / of_real[n]:10.0%}")
     for n, v in versus["chance"].items():
