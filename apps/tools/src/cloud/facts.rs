@@ -79,6 +79,7 @@ pub struct CloudSummary {
 /// supported format or is damaged.
 pub fn cloud_facts(clouds: &[CloudSource]) -> Result<(CloudSummary, Diagnostics)> {
     let (mut facts, mut all) = (CloudSummary::default(), Diagnostics::default());
+    let mut are_adjusted = None;
     for cloud in clouds {
         let path = cloud.name();
         let before = (facts.skipped, facts.without_number, facts.beyond_number);
@@ -97,20 +98,8 @@ pub fn cloud_facts(clouds: &[CloudSource]) -> Result<(CloudSummary, Diagnostics)
             found.warn(Some(Place::of_file(path)), message);
         }
         facts.crs = named.or(facts.crs.take());
-        if let Some((span, is_adjusted)) = facts.time.zip(facts.stated_times_of_last_file()) {
-            let stated = match is_adjusted {
-                true if !ADJUSTED.is_likely(span) => Some("adjusted standard GPS time".to_owned()),
-                false if span.is_beyond_week() => {
-                    Some(format!("seconds of the GPS week, which are 0 to {WEEK_S}"))
-                }
-                _ => None,
-            };
-            if let Some(stated) = stated {
-                let (min, max, dates) = (span.min, span.max, likely_dates(span));
-                let message =
-                    format!("its header states {stated}, and times are {min:.3} to {max:.3}{dates}");
-                found.warn(Some(Place::of_file(path)), message);
-            }
+        if let Some(message) = problem_of_times(&facts, &mut are_adjusted) {
+            found.warn(Some(Place::of_file(path)), message);
         }
         facts.time = Span::of_both(times_before, facts.time);
         let left_out = facts.skipped - before.0;
@@ -138,6 +127,28 @@ pub fn cloud_facts(clouds: &[CloudSource]) -> Result<(CloudSummary, Diagnostics)
     facts.strays.strays().warn(Path::new(&names.join(", ")), "described like the rest", &mut found);
     all.extend(found);
     Ok((facts, all))
+}
+
+/// The problem of the times of the last file: they contradict its header, or are of another kind than those
+/// of the files before. `are_adjusted` is true if the files before have adjusted standard GPS time.
+fn problem_of_times(facts: &CloudSummary, are_adjusted: &mut Option<bool>) -> Option<String> {
+    let (span, is_adjusted) = facts.time.zip(facts.stated_times_of_last_file())?;
+    let name = |is_adjusted: bool| match is_adjusted {
+        true => "adjusted standard GPS time",
+        false => "seconds of the GPS week",
+    };
+    let stated = name(is_adjusted);
+    let is_wrong = if is_adjusted { !ADJUSTED.is_likely(span) } else { span.is_beyond_week() };
+    if is_wrong {
+        let limits = if is_adjusted { String::new() } else { format!(", which are 0 to {WEEK_S}") };
+        let (min, max, dates) = (span.min, span.max, likely_dates(span));
+        return Some(format!(
+            "its header states {stated}{limits}, and times are {min:.3} to {max:.3}{dates}"
+        ));
+    }
+    let before = *are_adjusted.get_or_insert(is_adjusted);
+    (before != is_adjusted)
+        .then(|| format!("its times are {stated}, those of the files before {}", name(before)))
 }
 
 /// Counts the points of a file and adds them to the facts.
