@@ -4,7 +4,7 @@ use super::args::{MakeArgs, ReconstructArgs, SceneArgs, SceneCommand, StandArgs}
 use super::watch::during;
 use super::{Console, info, map, messages, pack};
 use vlscan_base::error::Result;
-use vlscan_base::quantity::amount;
+use vlscan_base::quantity::{amount, fixed, metres};
 use vlscan_fit::scene;
 use vlscan_options::outputs::check_folder;
 use vlscan_tools::generate::{make_stand, write_scene};
@@ -60,12 +60,11 @@ fn reconstruct(args: &ReconstructArgs, console: &Console) -> Result<()> {
     let pipeline = found.write(&args.out, options.overwrite)?;
     let receiver = &found.receiver;
     for path in &found.paths {
-        let seen = found.mean_range;
         console.say(format!(
-            "line {}: instrument found by {} (points {} m away on average)",
+            "line {}: instrument found by {} (points {} away on average)",
             path.source,
             path.found_by.phrase(),
-            amount(seen)
+            metres(found.mean_range)
         ));
     }
     console.say(format!(
@@ -73,9 +72,9 @@ fn reconstruct(args: &ReconstructArgs, console: &Console) -> Result<()> {
          elements of {:.2} m",
         amount(found.pulses as f64),
         found.terrain.spread,
-        amount((found.roofs.cells as f64 * found.roofs.cell.powi(2)).round()),
+        fixed(found.roofs.cells as f64 * found.roofs.cell.powi(2), 0),
         amount(found.foliage.voxels.len() as f64),
-        amount(found.foliage.leaf_area().round()),
+        fixed(found.foliage.leaf_area(), 0),
         receiver.element_size,
     ));
     let text = format!(

@@ -375,6 +375,22 @@ fn misses_are_recognised_by_what_is_written_for_them_and_not_by_zeros() {
     assert_eq!((found["points"].as_u64(), found["misses"].as_u64()), (Some(2), Some(0)));
 }
 
+#[test]
+fn times_of_different_kinds_are_noticed() {
+    let dir = folder();
+    common::succeed(dir.path(), &["run", &common::forest(), "-q", "-o", "a.las"]);
+    let mut las = fs::read(dir.path().join("a.las")).unwrap();
+    // The bit of the global encoding that states adjusted standard GPS time.
+    las[6] ^= 1;
+    fs::write(dir.path().join("b.las"), las).unwrap();
+    let said = |args: &[&str]| text(&common::succeed(dir.path(), args).stderr);
+    let both = said(&["info", "a.las", "b.las"]);
+    let expected =
+        "its times are adjusted standard GPS time, those of the files before seconds of the GPS week";
+    assert!(both.contains(expected), "{both}");
+    assert!(!said(&["info", "b.las"]).contains("its times are"));
+}
+
 /// A meadow of 60 m with plants as LAS-like text, and where one of its points is moved to; `class` is that of
 /// the point.
 fn meadow(moved: [f64; 3], class: u8) -> String {

@@ -336,6 +336,10 @@ fn clouds_of_different_places_are_refused() {
         "{}",
         text(&out.stderr)
     );
+    fs::write(dir.path().join("c.xyz"), "5 5 0\n").unwrap();
+    let out = run(dir.path(), &["compare", "c.xyz", "a.xyz"]);
+    let expected = "a.xyz has no points in the box that both clouds share, x 5.000 to 5.000 m";
+    assert!(text(&out.stderr).contains(expected), "{}", text(&out.stderr));
     let out = run(dir.path(), &["compare", "a.xyz", "none.xyz"]);
     assert!(!out.status.success() && text(&out.stderr).contains("none.xyz"));
 }

@@ -184,13 +184,18 @@ fn rasters_that_cannot_be_made_are_refused() {
     let dir = folder();
     scan(dir.path());
     fs::write(dir.path().join("b.xyz"), "1 2 3\n4 5 6\n").unwrap();
+    let lasts = "x,y,z,return_number,number_of_returns\n1,2,3,2,2\n4,5,6,3,1\n";
+    fs::write(dir.path().join("c.csv"), lasts).unwrap();
+    let described = text(&succeed(dir.path(), &["info", "c.csv"]).stderr);
+    assert!(described.contains("1 point with a return number beyond"), "{described}");
     for (args, expected) in [
         (&["raster", "a.laz"][..], "at least one of --dtm"),
         (&["raster", "a.laz", "--dtm", "a.png"], "ends in .tif"),
         (&["raster", "a.laz", "--dtm", "a.tif", "--chm", "a.tif"], "--dtm and --chm are both"),
         (&["raster", "a.laz", "--dsm", "a.tif", "--cell", "0.0001"], "--cell"),
         (&["raster", "b.xyz", "--dtm", "a.tif"], "no points of class 2"),
-        (&["raster", "b.xyz", "--pulse-density", "a.tif"], "--density"),
+        (&["raster", "b.xyz", "--pulse-density", "a.tif"], "no return numbers; use --density"),
+        (&["raster", "c.csv", "--pulse-density", "a.tif"], "no point is one; use --density"),
         (&["raster", "a.laz", "--dsm", "a.tif", "--crs", "EPSG:25833"], "one system"),
     ] {
         let out = run(dir.path(), args);

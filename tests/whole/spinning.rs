@@ -113,6 +113,29 @@ fn real_revolutions_are_fitted() {
     }
 }
 
+/// With the calibration of another sensor, walls are bent: nothing is written, or no noise, with a warning.
+#[test]
+fn a_calibration_of_another_sensor_is_noticed() {
+    if !cfg!(feature = "parquet-zstd") {
+        return missing("parquet-zstd", "cargo test --features parquet-zstd");
+    }
+    for (name, calibration, status, said) in [
+        ("os1_32", "os0_128", Some(2), "has rows of 32 beams, the sensor of the calibration 128"),
+        ("os0_128", "os1_32", Some(2), "calibration file of the sensor that recorded them"),
+        ("os2_128", "os0_128", Some(0), "`range_noise` is left out: the noise of strong echoes is 5"),
+    ] {
+        let found = recording(&format!("spinning/{name}.parquet"));
+        let (Some(found), Some(json)) = (found, recording(&format!("spinning/{calibration}.json"))) else {
+            return;
+        };
+        let [found, json] = [found, json].map(|path| path.display().to_string());
+        let dir = folder();
+        let out = run(dir.path(), &["fit", &found, "--calibration", &json, "-o", "s.toml"]);
+        assert_eq!(out.status.code(), status, "{name}: {}", text(&out.stderr));
+        assert!(text(&out.stderr).contains(said), "{name}: {}", text(&out.stderr));
+    }
+}
+
 #[test]
 fn recordings_that_are_none_are_refused() {
     let dir = folder();

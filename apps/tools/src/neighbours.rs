@@ -80,7 +80,8 @@ pub fn plane_at(points: &[DVec3], near: &[(f64, usize)], [x, y]: [f64; 2]) -> f6
     let (cxz, cyz) = (r[1] / n - mx * mz, r[2] / n - my * mz);
     let determinant = cxx * cyy - cxy * cxy;
     let is_beside = mx * mx + my * my > 1.5 * (cxx + cyy);
-    if is_beside || determinant < 1e-4 * (cxx + cyy).powi(2) {
+    // Points at one place, where both sides are 0, and points along a line have no slope.
+    if is_beside || determinant <= 1e-4 * (cxx + cyy).powi(2) {
         return base + mz;
     }
     let (a, b) = ((cxz * cyy - cyz * cxy) / determinant, (cyz * cxx - cxz * cxy) / determinant);
@@ -111,6 +112,19 @@ mod tests {
         assert!(all.nearest(f64::NAN, 0.0, 5, None).is_empty());
         let distance = all.nearest(-30.0, 4.0, 1, None)[0].0.sqrt();
         assert!(all.is_near(-30.0, 4.0, distance * 1.001) && !all.is_near(-30.0, 4.0, distance * 0.999));
+    }
+
+    #[test]
+    fn points_at_one_place_give_their_mean_height() {
+        for heights in [[3.0; 12], std::array::from_fn(|i| i as f64)] {
+            let all = Neighbours::of(heights.iter().map(|z| DVec3::new(1.0, 2.0, *z)).collect());
+            let mean = heights.iter().sum::<f64>() / 12.0;
+            for place in [[1.0, 2.0], [4.0, 2.0]] {
+                let near = all.nearest(place[0], place[1], 12, None);
+                let height = plane_at(all.points(), &near, place);
+                assert!((height - mean).abs() < 1e-9, "{place:?}: {height} is not {mean}");
+            }
+        }
     }
 
     #[test]

@@ -11,6 +11,8 @@ import sys
 import tempfile
 from pathlib import Path
 
+from recordings import run_script
+
 
 def compared(program: str, recording: Path, options: list[str], folder: Path) -> dict:
     halves = [folder / "a.laz", folder / "b.laz"]
@@ -42,4 +44,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_script(main)

@@ -12,13 +12,12 @@ import argparse
 import json
 import shutil
 import subprocess
-import sys
 import tempfile
 from pathlib import Path
 
-import laspy
 import numpy as np
 from flight_line import Cloud, by_time, distance, pulse_pairs, terrain_of
+from recordings import fitted_scanner, read_cloud, run_script
 
 FIELDS = ("time", "xyz", "returns", "number", "ground", "angle", "first", "arc")
 STEP = 0.006  # of scan angles in LAS 1.4, degrees
@@ -115,7 +114,7 @@ def main():
     folder.mkdir(parents=True, exist_ok=True)
     run = lambda *words: subprocess.run([Path(program).absolute(), *map(str, words)], check=True, cwd=folder, stdout=subprocess.PIPE).stdout
 
-    las = laspy.read(args.tile)
+    las = read_cloud(args.tile)
     source = np.asarray(las.point_source_id)
     line = args.flight_line or np.bincount(source).argmax()
     las.points = las.points[source == line].copy()
@@ -127,6 +126,7 @@ def main():
     held = arcs[~is_fitted]
     real.write(folder / "fitted.laz", arcs[is_fitted])
     print(run("fit", "fitted.laz", "-o", "flight.toml", "--force").decode())
+    fitted_scanner(folder / "flight.toml", "rotating", 2)
     run("scene", "reconstruct", "fitted.laz", "-o", "scene", "--force", "-q")
     run("run", "flight.toml", "--scene", "scene/scene.xml", "-o", "simulated.laz", "--force", "-q")
     simulated = Cloud(folder / "simulated.laz", real.arcs)
@@ -167,8 +167,4 @@ def main():
 
 
 if __name__ == "__main__":
-    try:
-        main()
-    except subprocess.CalledProcessError as error:
-        text = (error.stderr or b"") if isinstance(error.stderr, (bytes, type(None))) else error.stderr.encode()
-        sys.exit(f"{text.decode()}`{' '.join(map(str, error.cmd[:3]))}` ended with status {error.returncode}: this recording cannot be compared")
+    run_script(main)

@@ -18,6 +18,7 @@ from pathlib import Path
 
 import laspy
 import numpy as np
+from recordings import fitted_scanner, read_cloud, run_script
 from scipy.interpolate import LinearNDInterpolator
 
 WEEK = 604_800
@@ -28,7 +29,7 @@ class Cloud:
     """Points in the order of time, with the arc of each."""
 
     def __init__(self, path, arcs=None):
-        las = laspy.read(path)
+        las = read_cloud(path)
         order = np.lexsort((las.return_number, las.gps_time))
         self.las, self.order = las, order
         take = lambda name: np.asarray(las[name])[order]
@@ -147,8 +148,12 @@ def by_time(real, simulated):
     order = np.argsort(t)
     t = t[order]
     wanted = real.time[real.first]
+    if len(t) < 2 or not len(wanted):
+        sys.exit(f"{len(t)} simulated and {len(wanted)} recorded pulses have a first return within the recording")
     after = np.clip(np.searchsorted(t, wanted), 1, len(t) - 1)
     near = np.minimum(abs(t[after] - wanted), abs(t[after - 1] - wanted)) < 2e-6
+    if not near.any():
+        sys.exit("no simulated pulse within the recording has the time of a recorded one")
     take = lambda values: np.interp(wanted[near], t, values[simulated.first][order])
     here = lambda values: values[real.first][near]
     place = np.c_[
@@ -216,6 +221,7 @@ def main():
     held = np.setdiff1d(arcs, fitted)
     real.write(folder / "fitted.laz", fitted)
     print(run("fit", "fitted.laz", "-o", "flight.toml", "--force").decode())
+    fitted_scanner(folder / "flight.toml", "conic")
     run("scene", "reconstruct", "fitted.laz", "-o", "scene", "--force", "-q")
     run("run", "flight.toml", "--scene", "scene/scene.xml", "-o", "simulated.laz", "--force", "-q")
     simulated = Cloud(folder / "simulated.laz", real.arcs)
@@ -249,8 +255,4 @@ def main():
 
 
 if __name__ == "__main__":
-    try:
-        main()
-    except subprocess.CalledProcessError as error:
-        text = (error.stderr or b"") if isinstance(error.stderr, (bytes, type(None))) else error.stderr.encode()
-        sys.exit(f"{text.decode()}`{' '.join(map(str, error.cmd[:3]))}` ended with status {error.returncode}: this recording cannot be compared")
+    run_script(main)

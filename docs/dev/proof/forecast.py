@@ -8,13 +8,12 @@ times; the differences of place and scan angle are printed by the time since the
 import argparse
 import shutil
 import subprocess
-import sys
 import tempfile
-import tomllib
 from pathlib import Path
 
 import laspy
 import numpy as np
+from recordings import fitted_scanner, read_cloud, run_script
 
 
 def turned(x, y, z, roll, pitch):
@@ -25,7 +24,7 @@ def turned(x, y, z, roll, pitch):
 
 def foreseen(folder, start, time, height):
     """Places east and north at which the written flight's beams meet these heights, m, and their scan angles, degrees."""
-    scanner = tomllib.loads((folder / "flight.toml").read_text())["scanner"]
+    scanner = fitted_scanner(folder / "flight.toml", "conic")
     poses = np.loadtxt(folder / "flight.trajectory.csv", delimiter=",", skiprows=1)
     wander = np.loadtxt(folder / "flight.wander.txt")
     at = lambda column: np.interp(time, poses[:, 0], poses[:, column])
@@ -53,7 +52,7 @@ def main():
     program = shutil.which(args.vlscan) or parser.error(f"--vlscan {args.vlscan}: no such program")
     folder = args.folder or Path(tempfile.mkdtemp())
     folder.mkdir(parents=True, exist_ok=True)
-    las = laspy.read(args.recording)
+    las = read_cloud(args.recording)
     time = np.asarray(las.gps_time)
     until = time.min() + (time.max() - time.min()) * 2 / 3
     part = laspy.LasData(las.header)
@@ -76,8 +75,4 @@ def main():
 
 
 if __name__ == "__main__":
-    try:
-        main()
-    except subprocess.CalledProcessError as error:
-        text = (error.stderr or b"") if isinstance(error.stderr, (bytes, type(None))) else error.stderr.encode()
-        sys.exit(f"{text.decode()}`{' '.join(map(str, error.cmd[:3]))}` ended with status {error.returncode}: this recording cannot be compared")
+    run_script(main)

@@ -6,9 +6,11 @@ Needs laspy and numpy.
 """
 
 import argparse
+import sys
 
 import laspy
 import numpy as np
+from recordings import check_pulses, read_cloud, run_script
 
 GAP_S = 1e-3
 
@@ -22,11 +24,12 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     args = parser.parse_args()
 
-    cloud = laspy.read(args.recording)
+    cloud = read_cloud(args.recording)
     steps = args.lift / cloud.header.scales[2]
     if abs(steps - round(steps)) > 1e-6:
         parser.error(f"--raise {args.lift}: expected a multiple of {cloud.header.scales[2]} m, the step of the recording's heights")
     pulses, pulse_of = np.unique(np.array([cloud.point_source_id, cloud.gps_time]).T, axis=0, return_inverse=True)
+    check_pulses(args.recording, cloud, pulse_of.ravel())
     random = np.random.default_rng(args.seed)
     if args.lines:
         is_new = (np.diff(pulses[:, 0]) != 0) | (np.diff(pulses[:, 1]) > GAP_S)
@@ -36,6 +39,8 @@ def main() -> None:
     else:
         part = random.integers(0, 2, len(pulses))
     part = part[pulse_of.ravel()]
+    if len(np.unique(part)) < 2:
+        sys.exit(f"{args.recording}: {len(pulses)} pulses{' of one line' * args.lines}: one of the halves has none")
     for number, path in enumerate(args.out):
         half = laspy.LasData(cloud.header)
         half.points = cloud.points[part == number].copy()
@@ -45,4 +50,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_script(main)

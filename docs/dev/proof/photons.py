@@ -12,8 +12,13 @@ import sys
 from pathlib import Path
 
 import numpy as np
-import pyarrow.parquet as pq
+from recordings import read_table, run_script
 
+COLUMNS = {
+    "photons": "h_ph pce_mframe_cnt ph_id_pulse ph_id_channel dist_ph_along delta_time",
+    "segments": "ph_index_beg segment_ph_cnt segment_length tx_pulse_width_lower",
+    "background": "delta_time bckgrd_rate",
+}
 LIGHT = 0.299792458  # m/ns
 CHANNELS_PER_TIMER = 60  # of a weak beam, channels 57 to 60 and 117 to 120 are two timers of the same four pixels
 FOOTPRINT = 11.0  # diameter at 1/e², m (Magruder et al. 2020)
@@ -34,7 +39,7 @@ def table(folder, kind):
     if len(paths) != 1:
         sys.exit(f"{folder} has {len(paths)} files *_{kind}.parquet, expected one: a beam of ICESat-2 ATL03")
     (path,) = paths
-    return {name: np.array(column) for name, column in pq.read_table(path).to_pydict().items()}
+    return {name: np.array(column) for name, column in read_table(path, COLUMNS[kind].split()).to_pydict().items()}
 
 
 class Photons:
@@ -81,7 +86,7 @@ class Photons:
         for group in np.split(order, np.flatnonzero(np.diff(near.shot[order])) + 1):
             for i, a in enumerate(group):
                 found += [(abs(near.height[a] - near.height[b]), near.pixel[a] == near.pixel[b]) for b in group[:i]]
-        distance, same = np.array(found).T
+        distance, same = np.array(found).reshape(-1, 2).T
         return distance, same > 0.5
 
     def figures(self, dead):
@@ -133,6 +138,8 @@ def recorded(folder):
         halves.append(Photons(height[own], pixel[own], shot[own], fired, len(np.unique(pixel))))
     time = photons["delta_time"]
     during = (background["delta_time"] >= time.min()) & (background["delta_time"] <= time.max())
+    if not during.any():
+        sys.exit(f"{folder}: the background was not counted while the photons were recorded")
     rate = np.median(background["bckgrd_rate"][during])
     return halves, segments["tx_pulse_width_lower"].mean() * 1e9, rate
 
@@ -268,7 +275,4 @@ def main(vlscan, folder, out):
 if __name__ == "__main__":
     if len(sys.argv) != 4:
         sys.exit(__doc__)
-    try:
-        main(*sys.argv[1:])
-    except subprocess.CalledProcessError as error:
-        sys.exit(f"`{' '.join(map(str, error.cmd[:3]))}` ended with status {error.returncode}: this recording cannot be compared")
+    run_script(lambda: main(*sys.argv[1:]))

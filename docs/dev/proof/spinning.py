@@ -15,10 +15,13 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+from recordings import read_table, run_script
 
 
 def run(*command):
-    return subprocess.run([str(part) for part in command], check=True, capture_output=True, text=True).stdout
+    result = subprocess.run([str(part) for part in command], check=True, capture_output=True, text=True)
+    print(result.stderr, end="", file=sys.stderr)
+    return result.stdout
 
 
 def fit(vlscan, recording, calibration, out, *options):
@@ -157,7 +160,7 @@ def main():
     vlscan, recording, calibration, out = (Path(argument) for argument in sys.argv[1:5])
     out.mkdir(parents=True, exist_ok=True)
     sensor = beams(calibration)
-    table = pq.read_table(recording)
+    table = read_table(recording, ["beam", "column", "range_mm", "reflectivity"])
     parts = [part_of(table, number, out / f"part_{number}.parquet") for number in (0, 1)]
     fitted = fit(vlscan, parts[0], calibration, out / "sensor.toml", "--planes", out / "fitted_planes.obj")
     real = fit(vlscan, parts[1], calibration, out / "other.toml", "--planes", out / "planes.obj")
@@ -165,6 +168,8 @@ def main():
     text = (out / "sensor.toml").read_text()
     if "fitted_planes.obj" not in text:
         sys.exit(f"{out / 'sensor.toml'} does not name its planes")
+    if "\n# range_noise" in text:
+        sys.exit(f"the noise of {recording} is no sensor's: is {calibration} the calibration of the sensor that recorded it?")
     (out / "sensor.toml").write_text(text.replace("fitted_planes.obj", "planes.obj"))
     shape = directions(sensor)[0].shape[:2]
     ranges, amplitudes, pattern = simulate(vlscan, out / "sensor.toml", sensor, out)
@@ -187,8 +192,6 @@ def main():
 
 
 if __name__ == "__main__":
-    try:
-        main()
-    except subprocess.CalledProcessError as error:
-        text = (error.stderr or b"") if isinstance(error.stderr, (bytes, type(None))) else error.stderr.encode()
-        sys.exit(f"{text.decode()}`{' '.join(map(str, error.cmd[:3]))}` ended with status {error.returncode}: this recording cannot be compared")
+    if len(sys.argv) != 5:
+        sys.exit(__doc__)
+    run_script(main)

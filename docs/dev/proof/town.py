@@ -12,14 +12,13 @@ import argparse
 import csv
 import json
 import subprocess
-import sys
 import tomllib
 from pathlib import Path
 
 import laspy
 import numpy as np
-from scipy.spatial import Delaunay, cKDTree
-from scipy.interpolate import LinearNDInterpolator
+from recordings import check_pulses, read_cloud, run_script
+from scipy.spatial import cKDTree
 
 GROUND, NOISE = (2, 8, 9, 10, 11), (7, 18)
 ROOFS = (6, 17)
@@ -37,14 +36,11 @@ class Cloud:
 
 
 def read(path):
-    las = laspy.read(path)
+    las = read_cloud(path)
     las.points = las.points[~np.isin(np.asarray(las.classification), NOISE)]
     key = np.stack([np.asarray(las.point_source_id, float), np.asarray(las.gps_time)], 1)
     _, pulse = np.unique(key, axis=0, return_inverse=True)
-    firsts = np.bincount(pulse.ravel(), np.asarray(las.return_number) == 1)
-    if (firsts > 1).mean() > 0.01:
-        sys.exit(f"{path}: {(firsts > 1).mean():.0%} of its GPS times have several first returns: the times are too coarse to tell pulses, "
-                 "and this comparison needs the pulses")
+    check_pulses(path, las, pulse.ravel())
     cloud = Cloud(np.asarray(las.xyz), np.asarray(las.classification), np.asarray(las.return_number),
                   np.asarray(las.number_of_returns), pulse.ravel())
     return las, cloud
@@ -284,7 +280,7 @@ def main():
         row = [of_real[n], *(columns[k][n] for k in simulated), result["chance in figures"][n]]
         print(f"{n:34}" + "".join(f"{v:10.4f}" for v in row))
     # of a number that is small of all pulses, the error of its own
-    for n in ("share double", "share triple"):
+    for n in (name for name in ("share double", "share triple") if of_real[name] > 0):
         off = "".join(f"{columns[k][n] / of_real[n] - 1:+10.0%}" for k in simulated)
         print(f"{n + ', off by':34}{'':10}{off}{result['chance in figures'][n] / of_real[n]:10.0%}")
     for n, v in versus["chance"].items():
@@ -296,8 +292,4 @@ def main():
 
 
 if __name__ == "__main__":
-    try:
-        main()
-    except subprocess.CalledProcessError as error:
-        text = (error.stderr or b"") if isinstance(error.stderr, (bytes, type(None))) else error.stderr.encode()
-        sys.exit(f"{text.decode()}`{' '.join(map(str, error.cmd[:3]))}` ended with status {error.returncode}: this recording cannot be compared")
+    run_script(main)

@@ -8,13 +8,12 @@ plane with their own outgoing pulses, alone and behind the receiver. Writes OUT/
 
 import argparse
 import shutil
-import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
-import pyarrow.parquet as pq
 import waveforms
+from recordings import read_table, run_script
 from scipy.ndimage import gaussian_filter1d
 from scipy.signal import find_peaks
 from waveforms import FWHM, convolved, difference, gaussian_width, simulate, widening
@@ -26,7 +25,7 @@ EDGE = 8  # samples at either end of a waveform, which show its noise
 
 def read(path, step):
     """Pairs of one echo at 1 ns, without their offsets."""
-    table = pq.read_table(path, columns=["tx", "rx"]).to_pydict()
+    table = read_table(path, ["tx", "rx"]).select(["tx", "rx"]).to_pydict()
     found, left_out = [], 0
     for number, waves in enumerate(zip(table["tx"], table["rx"])):
         tx, rx = (np.array(wave or [], float) for wave in waves)
@@ -84,7 +83,4 @@ def main():
 
 
 if __name__ == "__main__":
-    try:
-        main()
-    except subprocess.CalledProcessError as error:
-        sys.exit(f"`{' '.join(map(str, error.cmd[:3]))}` ended with status {error.returncode}: these pairs cannot be compared")
+    run_script(main)

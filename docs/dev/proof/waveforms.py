@@ -13,16 +13,20 @@ import sys
 from pathlib import Path
 
 import numpy as np
-import pyarrow.parquet as pq
+from recordings import read_table, run_script
 from scipy.ndimage import gaussian_filter1d
 from scipy.optimize import curve_fit
 from scipy.signal import find_peaks
 
+COLUMNS = (
+    "beam delta_time tx rx noise_mean noise_stddev latitude_bin0 longitude_bin0 elevation_bin0 elevation_lastbin".split()
+)
 LIGHT = 0.299792458  # m/ns
 FWHM = np.sqrt(8 * np.log(2))
 FOOTPRINT = 25.0  # diameter at 1/e², m
 HEIGHT = 420e3  # of the instrument, m
 NEAR = 60  # samples on either side of a mode that are fitted
+COMPARED = 8  # shots that are simulated
 NARROW = 5  # per cent of the shots whose widening is taken as the receiver's
 
 
@@ -37,7 +41,7 @@ def gaussian_width(wave):
 
 def read(path):
     """Shots with one mode: widths of pulses and echoes (σ, ns), ground height (m), slope along the track."""
-    shots = pq.read_table(path).to_pydict()
+    shots = read_table(path, COLUMNS).to_pydict()
     found, empty = [], 0
     for i in range(len(shots["beam"])):
         rx = np.array(shots["rx"][i] or [], float) - (shots["noise_mean"][i] or 0)
@@ -169,6 +173,8 @@ def main():
     shots = read(path)
     fitted = [shot for shot in shots if shot["number"] % 2 == 0]
     others = [shot for shot in shots if shot["number"] % 2 == 1]
+    if min(len(fitted), len(others)) < COMPARED:
+        sys.exit(f"{path}: {len(fitted)} even and {len(others)} odd shots with an echo of one mode and a slope, expected {COMPARED} of either")
     lines = ["| beam | shots | pulse, FWHM, ns | echo | widening, 5 % / median | slope along the track, rms | widening by it, ns |", "|---|---|---|---|---|---|---|"]
     root = lambda squares: np.sqrt(np.maximum(squares, 0))
     for beam in sorted({shot["beam"] for shot in shots}):
@@ -190,7 +196,7 @@ def main():
         "| odd shots with the narrowest echoes | received, FWHM, ns | simulated with the transmitted pulse | behind the receiver | difference of shapes, % of the peak: pulse alone | behind the receiver | chance |",
         "|---|---|---|---|---|---|---|",
     ]
-    smooth = sorted(others, key=lambda shot: shot["width"] ** 2 - shot["pulse"] ** 2)[:8]
+    smooth = sorted(others, key=lambda shot: shot["width"] ** 2 - shot["pulse"] ** 2)[:COMPARED]
     table = []
     for shot, other in zip(smooth, smooth[1:] + smooth[:1]):
         alone = simulate(program, shot["tx"], shot["slope"], out)
@@ -207,8 +213,6 @@ def main():
 
 
 if __name__ == "__main__":
-    try:
-        main()
-    except subprocess.CalledProcessError as error:
-        text = (error.stderr or b"") if isinstance(error.stderr, (bytes, type(None))) else error.stderr.encode()
-        sys.exit(f"{text.decode()}`{' '.join(map(str, error.cmd[:3]))}` ended with status {error.returncode}: this recording cannot be compared")
+    if len(sys.argv) != 4:
+        sys.exit(__doc__)
+    run_script(main)

@@ -5,6 +5,7 @@
 //! the difference. Successive sections do, and are tried first, because all sections take long.
 
 use super::error::{FlightError, Misfit};
+use super::mirror::{Mirror, MirrorParameters};
 use super::model::Model;
 use super::recording::Recording;
 use super::sections::{Section, sections};
@@ -47,6 +48,9 @@ const MAX_ANGLE_STEPS: f64 = 0.6;
 const MAX_ANGLE: f64 = 0.02;
 /// Minimum angle of a mirror that scans, rad.
 const MIN_MIRROR: f64 = 0.01;
+/// Minimum ratio of the half angles of an elliptic cone: flatter ones are lines, of which the cone explains
+/// the points between its ends only.
+const MIN_ELLIPSE: f64 = 0.1;
 /// Speeds of flights, m/s.
 const MIN_SPEED: f64 = 0.2;
 const MAX_SPEED: f64 = 400.0;
@@ -302,6 +306,13 @@ pub fn misfit(solution: &Solution, recording: &Recording) -> Option<String> {
     }
     if !is_within(solution.model.parameters.mirror.angle.abs(), MIN_MIRROR, f64::MAX) {
         return Some("needs a mirror that hardly moves".to_owned());
+    }
+    if solution.model.mirror == Mirror::EllipticCone {
+        let MirrorParameters { angle, angle_along, .. } = solution.model.parameters.mirror;
+        if !is_within((angle_along / angle).abs(), MIN_ELLIPSE, 1.0 / MIN_ELLIPSE) {
+            let [across, along] = [angle, angle_along].map(|angle| degrees(angle.abs()));
+            return Some(format!("needs a cone of {across:.3}° by {along:.3}°, which is nearly a line"));
+        }
     }
     if !is_within(speed, MIN_SPEED, MAX_SPEED) {
         return Some(format!("needs a platform that flies at {speed:.1} m/s"));

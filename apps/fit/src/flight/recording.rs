@@ -129,9 +129,10 @@ impl Recording {
                     "{name}: {others} points have the time of another pulse ({} times in all)",
                     pulses.len()
                 ),
-                "a fit needs the pulses of one flight line, whose times differ; points that are in the file \
-                 twice, flight lines with the same point source, and beams that fire together without a \
-                 number of their channel have to be taken apart before",
+                "a fit needs the pulses of one flight line, whose times differ: fit the cloud with the times \
+                 before they were rounded; points that are in the file twice, flight lines with the same \
+                 point source, and beams that fire together without a number of their channel have to be \
+                 taken apart before",
             ));
         }
         let (outliers, distance) = remove_outliers(&mut pulses);

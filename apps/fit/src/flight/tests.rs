@@ -392,6 +392,17 @@ fn elliptic() -> (Model, Recording) {
     (truth, recording)
 }
 
+/// A fan of lines is no ellipse, however well a flat one meets the points.
+#[test]
+fn flat_ellipses_explain_nothing() {
+    let (truth, recording) = elliptic();
+    let mut solution = trial(&recording, &truth);
+    assert_eq!(misfit(&solution, &recording), None);
+    solution.model.parameters.mirror.angle_along = radians(0.001);
+    let reason = misfit(&solution, &recording).unwrap();
+    assert!(reason.ends_with("° by 0.001°, which is nearly a line"), "{reason}");
+}
+
 #[test]
 fn circles_that_miss_successive_sections_are_not_solved_first() {
     let (truth, recording) = elliptic();

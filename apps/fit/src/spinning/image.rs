@@ -18,6 +18,8 @@ const MAX_RANGE: f64 = 10_000.0;
 /// Reflectivities up to 100 are per cent of a Lambertian reflector; beyond, retroreflectors have a scale of
 /// their own.
 const LAMBERTIAN: f64 = 100.0;
+/// Help for recordings that do not match the calibration.
+const OTHER_SENSOR: &str = "give the calibration file of the sensor that recorded them";
 
 /// Ranges of a revolution by row and azimuth: rows are beams by descending elevation, azimuths are columns,
 /// from which beams that look aside are shifted.
@@ -66,7 +68,8 @@ impl RangeImage {
     /// calibrated sensor. Other columns are noted in `found`.
     ///
     /// # Errors
-    /// [`Error::Input`] for columns that are missing, and for pixels that the sensor does not have.
+    /// [`Error::Input`] for columns that are missing, for pixels that the sensor does not have, and for at
+    /// most half of its beams.
     pub fn read(path: &Path, scanner: &Scanner, found: &mut Diagnostics) -> Result<RangeImage> {
         let mut table = read_number_columns(path, &|name| COLUMNS.contains(&name))?;
         if let Some(message) = table.unread_message() {
@@ -87,6 +90,7 @@ impl RangeImage {
             needed.push(table.take(name).ok_or_else(missing)?);
         }
         let mut image = RangeImage::empty(scanner)?;
+        check_beams(path, &needed[0], image.rows)?;
         image.has_signal = signal.is_some();
         let place_of = image.places(scanner);
         let mut step = 0;
@@ -95,13 +99,14 @@ impl RangeImage {
             let is_pixel = beam >= 0.0 && column >= 0.0 && beam.fract() == 0.0 && column.fract() == 0.0;
             let at = is_pixel.then(|| place_of(beam as usize, column as usize)).flatten();
             let Some(at) = at else {
-                return Err(Error::input(format!(
+                let message = format!(
                     "{}, row {row}: beam {beam} and column {column}, expected one of the {} beams and {} \
                      columns of the sensor",
                     path.display(),
                     image.rows,
                     image.columns
-                )));
+                );
+                return Err(Error::input_with_help(message, OTHER_SENSOR));
             };
             if range_mm == 0.0 {
                 continue;
@@ -171,6 +176,18 @@ impl RangeImage {
     }
 }
 
+/// Checks that more than half of the `rows` beams of the calibration are in the recording: sensors of a
+/// product line have twice or four times the beams of others, at other angles.
+fn check_beams(path: &Path, beams: &[f64], rows: usize) -> Result<()> {
+    let recorded = beams.iter().copied().fold(-1.0, f64::max) + 1.0;
+    if 2.0 * recorded > rows as f64 {
+        return Ok(());
+    }
+    let message =
+        format!("{} has rows of {recorded} beams, the sensor of the calibration {rows}", path.display());
+    Err(Error::input_with_help(message, OTHER_SENSOR))
+}
+
 /// Beams by descending elevation.
 fn order(scanner: &Scanner) -> Vec<usize> {
     let height = |beam: &usize| scanner.devices[*beam].beam_origin.rotation.forward().z;
@@ -189,4 +206,19 @@ fn shift(scanner: &Scanner, beam: usize, columns: usize) -> usize {
 
 fn greatest_divisor(a: u64, b: u64) -> u64 {
     if b == 0 { a } else { greatest_divisor(b, a % b) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_recording_of_half_of_the_beams_is_of_another_sensor() {
+        let beams = |count: u32| -> Vec<f64> { (0..count).map(f64::from).collect() };
+        let check = |count: u32| check_beams(Path::new("a.parquet"), &beams(count), 128);
+        assert!(check(128).is_ok() && check(65).is_ok());
+        let message = check(64).unwrap_err().to_string();
+        assert!(message.contains("a.parquet has rows of 64 beams") && message.contains("128"), "{message}");
+        assert!(check(0).unwrap_err().to_string().contains("0 beams"));
+    }
 }

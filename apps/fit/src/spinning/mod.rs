@@ -52,6 +52,12 @@ const RANGE_RATIOS: std::ops::RangeInclusive<f64> = 0.6..=1.7;
 /// Maximum plausible standard deviation of the threshold, as a share.
 const MAX_THRESHOLD_DEVIATION: f64 = 0.5;
 
+/// Maximum plausible noise of strong echoes and of those at the threshold, m, and over the depth of the
+/// footprint. Sensors have 6 to 9 mm, 20 to 50 mm and 0.5 to 1.5.
+const MAX_CONSTANT: f64 = 0.03;
+const MAX_AT_THRESHOLD: f64 = 0.3;
+const MAX_FOOTPRINT: f64 = 2.0;
+
 /// Half of the columns that is fitted; the other half tests the fit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Half {
@@ -121,6 +127,11 @@ pub fn fit_spinning(
              in the pipeline file",
         );
     }
+    if let Some(reason) = fit.noise_doubt() {
+        found
+            .warn(Some(Place::of_file(recording)), format!("`range_noise` is left out: {reason}"))
+            .help("check that the calibration file is that of the sensor that recorded the revolution");
+    }
     Ok(fit)
 }
 
@@ -145,6 +156,28 @@ impl SpinningFit {
                 self.max_range,
                 100.0 * TARGET_REFLECTANCE,
                 self.scanner.name
+            )
+        })
+    }
+
+    /// The reason why the noise cannot be that of the sensor; `None` if it may be. With the calibration of
+    /// another sensor, walls are bent.
+    fn noise_doubt(&self) -> Option<String> {
+        let RangeNoise { constant, shot, amplifier, footprint } = self.noise;
+        let too_large = |what: &str, noise: f64, max: f64| {
+            let [noise, max] = [1e3 * noise, 1e3 * max];
+            format!("the noise {what} is {noise:.0} mm, expected at most {max:.0} mm")
+        };
+        if constant > MAX_CONSTANT {
+            return Some(too_large("of strong echoes", constant, MAX_CONSTANT));
+        }
+        if shot.max(amplifier) > MAX_AT_THRESHOLD {
+            return Some(too_large("at the threshold", shot.max(amplifier), MAX_AT_THRESHOLD));
+        }
+        (footprint > MAX_FOOTPRINT).then(|| {
+            format!(
+                "the noise over the depth of the footprint is {footprint:.1}, expected at most \
+                 {MAX_FOOTPRINT:.1}"
             )
         })
     }

@@ -122,6 +122,32 @@ fn a_maximum_range_far_from_that_of_the_product_line_is_a_comment() {
     assert!((sigmas[1] / sigmas[0] - 1.0).abs() < 1e-9, "{sigmas:?}");
 }
 
+/// Noise that no sensor of a product line has, as that of planes seen with the calibration of another sensor,
+/// is a comment.
+#[test]
+fn implausible_noise_is_a_comment() {
+    let scanner = scanner();
+    let fit = estimate(scanner.clone(), room(&scanner), Half::Even).unwrap();
+    let written = |noise: RangeNoise| {
+        let fit = SpinningFit { noise, ..fit.clone() };
+        let folder = tempfile::tempdir().unwrap();
+        let files = SpinningFiles::new(&folder.path().join("fit.toml"), None);
+        fit.write(&files, (Path::new("sensor.json"), "vlscan fit"), false).unwrap();
+        (fit.noise_doubt(), std::fs::read_to_string(&files.pipeline).unwrap())
+    };
+    let (doubt, text) = written(fit.noise);
+    assert!(doubt.is_none() && text.contains("\nrange_noise = "), "{text}");
+    for (noise, said) in [
+        (RangeNoise { constant: 0.055, ..fit.noise }, "of strong echoes is 55 mm, expected at most 30 mm"),
+        (RangeNoise { amplifier: 0.352, ..fit.noise }, "at the threshold is 352 mm, expected at most 300 mm"),
+        (RangeNoise { footprint: 2.8, ..fit.noise }, "depth of the footprint is 2.8, expected at most 2.0"),
+    ] {
+        let (doubt, text) = written(noise);
+        assert!(doubt.as_ref().is_some_and(|reason| reason.contains(said)), "{said}: {doubt:?}");
+        assert!(text.contains("\n# range_noise = ") && text.contains("\ndropout_rate = "), "{text}");
+    }
+}
+
 #[test]
 fn recordings_without_planes_are_refused() {
     let scanner = scanner();

@@ -106,9 +106,15 @@ impl SpinningFit {
             "{mark}max_range = {{ range_m = {:.2}, reflectance = {TARGET_REFLECTANCE}, pulse_freq_hz = {} }}",
             self.max_range, self.scanner.pulse_freqs[0]
         );
+        let noise_doubt = self.noise_doubt();
+        let noise_mark = if noise_doubt.is_some() { "# " } else { "" };
+        if let Some(reason) = &noise_doubt {
+            let _ = writeln!(text, "# left out: {reason}");
+        }
         let _ = writeln!(
             text,
-            "range_noise = {{ constant_m = {:.5}, shot_m = {:.5}, amplifier_m = {:.5}, footprint = {:.3} }}",
+            "{noise_mark}range_noise = {{ constant_m = {:.5}, shot_m = {:.5}, amplifier_m = {:.5}, \
+             footprint = {:.3} }}",
             noise.constant, noise.shot, noise.amplifier, noise.footprint
         );
         let _ = writeln!(

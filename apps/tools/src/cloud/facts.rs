@@ -35,6 +35,8 @@ pub struct CloudSummary {
     pub misses: u64,
     /// Points of return 0 of 0: programs add such points, or merge them from photogrammetry.
     pub without_number: u64,
+    /// Points whose return number is larger than the number of returns of their pulse.
+    pub beyond_number: u64,
     /// Points without coordinates within ±[`MAX_COORDINATE`].
     pub skipped: u64,
     /// Box around the points, m.
@@ -77,9 +79,10 @@ pub struct CloudSummary {
 /// supported format or is damaged.
 pub fn cloud_facts(clouds: &[CloudSource]) -> Result<(CloudSummary, Diagnostics)> {
     let (mut facts, mut all) = (CloudSummary::default(), Diagnostics::default());
+    let mut are_adjusted = None;
     for cloud in clouds {
         let path = cloud.name();
-        let (skipped, without_number) = (facts.skipped, facts.without_number);
+        let before = (facts.skipped, facts.without_number, facts.beyond_number);
         let mut found = Diagnostics::default();
         facts.files.push((path.to_path_buf(), None));
         facts.is_las = false;
@@ -95,33 +98,27 @@ pub fn cloud_facts(clouds: &[CloudSource]) -> Result<(CloudSummary, Diagnostics)
             found.warn(Some(Place::of_file(path)), message);
         }
         facts.crs = named.or(facts.crs.take());
-        if let Some((span, is_adjusted)) = facts.time.zip(facts.stated_times_of_last_file()) {
-            let stated = match is_adjusted {
-                true if !ADJUSTED.is_likely(span) => Some("adjusted standard GPS time".to_owned()),
-                false if span.is_beyond_week() => {
-                    Some(format!("seconds of the GPS week, which are 0 to {WEEK_S}"))
-                }
-                _ => None,
-            };
-            if let Some(stated) = stated {
-                let (min, max, dates) = (span.min, span.max, likely_dates(span));
-                let message =
-                    format!("its header states {stated}, and times are {min:.3} to {max:.3}{dates}");
-                found.warn(Some(Place::of_file(path)), message);
-            }
+        if let Some(message) = problem_of_times(&facts, &mut are_adjusted) {
+            found.warn(Some(Place::of_file(path)), message);
         }
         facts.time = Span::of_both(times_before, facts.time);
-        let left_out = facts.skipped - skipped;
+        let left_out = facts.skipped - before.0;
         if left_out > 0 {
             let points = counted(left_out, "point");
             let message = format!("left out: {points} without coordinates within ±{MAX_COORDINATE:e} m");
             found.warn(Some(Place::of_file(path)), message);
         }
-        let without_number = facts.without_number - without_number;
+        let without_number = facts.without_number - before.1;
         if without_number > 0 {
             let message =
                 format!("{without_number} points have no return number (0 of 0); they count as points");
             found.note(Some(Place::of_file(path)), message);
+        }
+        let beyond_number = facts.beyond_number - before.2;
+        if beyond_number > 0 {
+            let points = counted(beyond_number, "point");
+            let message = format!("{points} with a return number beyond the number of returns of the pulse");
+            found.warn(Some(Place::of_file(path)), message);
         }
         all.extend(found.finish(false)?);
     }
@@ -130,6 +127,28 @@ pub fn cloud_facts(clouds: &[CloudSource]) -> Result<(CloudSummary, Diagnostics)
     facts.strays.strays().warn(Path::new(&names.join(", ")), "described like the rest", &mut found);
     all.extend(found);
     Ok((facts, all))
+}
+
+/// The problem of the times of the last file: they contradict its header, or are of another kind than those
+/// of the files before. `are_adjusted` is true if the files before have adjusted standard GPS time.
+fn problem_of_times(facts: &CloudSummary, are_adjusted: &mut Option<bool>) -> Option<String> {
+    let (span, is_adjusted) = facts.time.zip(facts.stated_times_of_last_file())?;
+    let name = |is_adjusted: bool| match is_adjusted {
+        true => "adjusted standard GPS time",
+        false => "seconds of the GPS week",
+    };
+    let stated = name(is_adjusted);
+    let is_wrong = if is_adjusted { !ADJUSTED.is_likely(span) } else { span.is_beyond_week() };
+    if is_wrong {
+        let limits = if is_adjusted { String::new() } else { format!(", which are 0 to {WEEK_S}") };
+        let (min, max, dates) = (span.min, span.max, likely_dates(span));
+        return Some(format!(
+            "its header states {stated}{limits}, and times are {min:.3} to {max:.3}{dates}"
+        ));
+    }
+    let before = *are_adjusted.get_or_insert(is_adjusted);
+    (before != is_adjusted)
+        .then(|| format!("its times are {stated}, those of the files before {}", name(before)))
 }
 
 /// Counts the points of a file and adds them to the facts.
@@ -200,10 +219,11 @@ impl FileSink<'_> {
 impl CloudSummary {
     /// Adds some points of the file that is being read.
     fn append(&mut self, part: &FactsPart) {
-        let FactsPart { positions, cells, skipped, misses, without_number, .. } = part;
+        let FactsPart { positions, cells, skipped, misses, without_number, beyond_number, .. } = part;
         self.skipped += skipped;
         self.misses += misses;
         self.without_number += without_number;
+        self.beyond_number += beyond_number;
         if positions.is_empty() {
             return;
         }
@@ -359,7 +379,7 @@ mod tests {
             position: DVec3::new(f64::from(i % 97) * 0.3, f64::from(i / 97) * 0.2, f64::from(i % 13)),
             intensity: 0.1 * (i % 101) as f32,
             class: (i % 5) as u8,
-            return_number: (i % 4) as u8,
+            return_number: (i % 4 + 1) as u8,
             number_of_returns: 3,
             scan_angle: f64::from(i % 30) - 15.0,
             leg: (i / 900) as u16,
@@ -374,9 +394,12 @@ mod tests {
         let expected = facts_of(&rows, None);
         assert_eq!((expected.points, expected.misses, expected.by_channel.len()), (4900, 100, 294));
         assert_eq!((expected.by_path.len(), expected.by_path.values().sum::<u64>()), (9, 4900));
+        // A quarter of the numbers is 4 of 3.
+        assert_eq!(expected.beyond_number, 1250);
         for length in [1, 7, 1000, 5000] {
             let facts = facts_of(&rows, Some(length));
             assert_eq!(facts.json(), expected.json(), "{length}");
+            assert_eq!(facts.beyond_number, expected.beyond_number, "{length}");
             assert_eq!(facts.mean_intensity(), expected.mean_intensity(), "{length}");
         }
     }

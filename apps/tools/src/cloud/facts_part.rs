@@ -115,6 +115,7 @@ pub(super) struct FactsPart {
     pub skipped: u64,
     pub misses: u64,
     pub without_number: u64,
+    pub beyond_number: u64,
     pub by_class: Box<[u64; 256]>,
     pub by_return: Box<[u64; 256]>,
     pub pulses_by_returns: Box<[u64; 256]>,
@@ -146,6 +147,7 @@ impl FactsPart {
             skipped: 0,
             misses: 0,
             without_number: 0,
+            beyond_number: 0,
             by_class: none(),
             by_return: none(),
             pulses_by_returns: none(),
@@ -177,7 +179,9 @@ impl FactsPart {
         }
         if has(Attribute::ReturnNumber) {
             self.by_return[usize::from(row.return_number)] += 1;
-            if row.return_number <= 1 && has(Attribute::NumberOfReturns) {
+            let has_number = has(Attribute::NumberOfReturns);
+            self.beyond_number += u64::from(has_number && row.return_number > row.number_of_returns.max(1));
+            if row.return_number <= 1 && has_number {
                 self.pulses_by_returns[usize::from(row.number_of_returns)] += 1;
                 self.without_number += u64::from(row.return_number == 0 && row.number_of_returns == 0);
             }
@@ -264,7 +268,8 @@ impl PointPart for FactsPart {
     fn clear(&mut self) {
         self.positions.clear();
         self.cells.clear();
-        (self.skipped, self.misses, self.without_number) = (0, 0, 0);
+        (self.skipped, self.misses) = (0, 0);
+        (self.without_number, self.beyond_number) = (0, 0);
         for counts in [
             &mut self.by_class,
             &mut self.by_return,

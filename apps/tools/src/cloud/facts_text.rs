@@ -104,10 +104,12 @@ impl CloudSummary {
         if let Some(channels) = self.channels() {
             line("channels", channels);
         }
-        self.write_classes(&mut out);
-        self.write_returns(&mut out);
-        self.write_paths(&mut out);
-        self.write_lines(&mut out);
+        if self.points > 0 {
+            self.write_classes(&mut out);
+            self.write_returns(&mut out);
+            self.write_paths(&mut out);
+            self.write_lines(&mut out);
+        }
         out
     }
 

@@ -117,11 +117,11 @@ pub fn compare(
     let wide_grid = CellGrid::new((low, high), GROUND_CELL.max(options.cell), first, splits)?;
     let [a, b] = [first.1, second.1].map(|points| Cut::of(points, low, high));
     let cuts = [&a, &b];
-    if let Some(empty) = cuts.iter().position(|cut| cut.len() == 0) {
-        let (name, size) = ([first.0, second.0][empty], high - low);
+    if let Some((_, (name, _))) = cuts.iter().zip([first, second]).find(|(cut, _)| cut.len() == 0) {
         return Err(Error::input(format!(
-            "{name} has no points in the box that both clouds cover, {:.3} by {:.3} m",
-            size.x, size.y
+            "{name} has no points in the box that both clouds share, x {:.3} to {:.3} m and y {:.3} to \
+                 {:.3} m",
+            low.x, high.x, low.y, high.y
         )));
     }
     let tell = |what: &str, step: &'static str| {

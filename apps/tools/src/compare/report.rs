@@ -151,8 +151,15 @@ fn clouds(c: &Comparison) -> Section {
     }
     for (i, name) in ["pulses", "scan lines"].into_iter().enumerate() {
         let count = |cloud: &Cloud| cloud.pulses_and_lines.map_or(0, |counts| counts[i]);
-        if count(&c.first) + count(&c.second) > 0 {
-            row(name, &|cloud| count(cloud).to_string(), ratio(&|cloud| count(cloud) as f64));
+        let shown = |cloud: &Cloud| match count(cloud) {
+            // The clouds have points: their pulses or lines could not be told apart.
+            0 => "unknown".to_owned(),
+            count => count.to_string(),
+        };
+        let [first, second] = [count(&c.first), count(&c.second)];
+        if first + second > 0 {
+            let of = |cloud: &Cloud| count(cloud) as f64;
+            row(name, &shown, if second > 0 { ratio(&of) } else { String::new() });
         }
     }
     Section {

@@ -13,6 +13,8 @@ use vlscan_geom::degrees;
 pub(super) const MAX_DENSITY_ERROR: f64 = 0.03;
 /// Part of a strip's width that counts as the middle of it, and as its edge on each side.
 const EDGE: f64 = 0.05;
+/// Ratio of the spacings along and across the flight above which their difference is explained.
+const MAX_UNEVEN: f64 = 1.2;
 /// Number of pulses above which a plan warns.
 const MAX_PULSES: f64 = 1e11;
 
@@ -168,11 +170,15 @@ impl PlanReport<'_> {
                 speed / scan.line_rate
             ));
         } else if scan.line_rate > 0.0 {
-            lines.push(format!(
-                "spacing    v/f = {:.3} m along, W·f/N = {:.3} m across",
-                speed / scan.line_rate,
-                width * scan.line_rate / ground_rate
-            ));
+            let (along, across) = (speed / scan.line_rate, width * scan.line_rate / ground_rate);
+            let is_uneven = (along / across).max(across / along) > MAX_UNEVEN;
+            let reason = match self.instrument.limit_of(scan).filter(|_| is_uneven) {
+                Some(limit) => {
+                    format!("; unequal: {} Hz is the {limit} scan frequency", number(scan.scan_freq))
+                }
+                None => String::new(),
+            };
+            lines.push(format!("spacing    v/f = {along:.3} m along, W·f/N = {across:.3} m across{reason}"));
         }
         let range = self.height.hypot(field.reach());
         lines.push(format!(

@@ -309,6 +309,16 @@ impl SwathModel {
         }
     }
 
+    /// "highest" or "lowest" if a scan has that scan frequency of its field of view.
+    pub(crate) fn limit_of(&self, scan: &Scan) -> Option<&'static str> {
+        let (least, most) = self.scan_freq_limits(scan.half_angle).ok()?;
+        match scan.scan_freq {
+            frequency if frequency >= most => Some("highest"),
+            frequency if frequency <= least => Some("lowest"),
+            _ => None,
+        }
+    }
+
     /// A sample of the beams of a scan.
     ///
     /// # Errors
@@ -438,6 +448,9 @@ mod tests {
         );
         let narrow = scanner.scan(Some(10f64.to_radians()), 83_000, None, 1e6).unwrap();
         assert!((narrow.scan_freq - 30.0).abs() < 1e-9, "{}", narrow.scan_freq);
+        let of = |lines: f64| scanner.scan(narrow.half_angle, 83_000, None, lines).unwrap();
+        let limits = [narrow, of(1.0), of(54.0)].map(|scan| scanner.limit_of(&scan));
+        assert_eq!(limits, [Some("highest"), Some("lowest"), None]);
     }
 
     #[test]

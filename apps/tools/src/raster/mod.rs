@@ -74,6 +74,7 @@ struct Sink {
     points: u64,
     noise: u64,
     misses: u64,
+    first_returns: u64,
     ground: u64,
     strays: StrayFinder,
     /// Points that are left out.
@@ -96,6 +97,7 @@ impl Sink {
             points: 0,
             noise: 0,
             misses: 0,
+            first_returns: 0,
             ground: 0,
             strays: StrayFinder::default(),
             left_out,
@@ -117,6 +119,7 @@ impl Sink {
         self.strays.add_all(&part.positions);
         for (p, kind) in part.positions.iter().zip(&part.kinds) {
             self.ground += u64::from(kind.is_ground);
+            self.first_returns += u64::from(kind.is_first_return);
             let has_grown = self.cells.add(*p, kind.is_first_return, kind.is_ground);
             self.is_too_large = has_grown && self.max_bytes.is_some_and(|max| self.cells.memory() > max);
             if self.is_too_large {
@@ -189,11 +192,13 @@ fn check_points(sink: &Sink, kinds: &[RasterKind], name: &str, input: &str) -> R
             format!("classify the ground first, for example: pdal translate {input} classified.laz smrf"),
         ));
     }
-    if !sink.has_returns && kinds.contains(&RasterKind::PulseDensity) {
-        return Err(Error::input(format!(
-            "{name}: --pulse-density counts first returns, and the points have no return numbers; use \
-             --density"
-        )));
+    let reason = match sink.has_returns {
+        false => Some("the points have no return numbers"),
+        true => (sink.first_returns == 0).then_some("no point is one"),
+    };
+    if let Some(reason) = reason.filter(|_| kinds.contains(&RasterKind::PulseDensity)) {
+        let message = format!("{name}: --pulse-density counts first returns, and {reason}; use --density");
+        return Err(Error::input(message));
     }
     Ok(())
 }
