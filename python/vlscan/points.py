@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 import io
 import json
 import os
@@ -16,12 +15,11 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 from . import _vlscan
 from ._columns import columns_of
 from ._conversions import colours_of, crs_of_library, normals_of
-from ._libraries import needed, refuse_existing, save
-from ._notebook import picture_html, show_page
-from ._typing import Displayed, PathLike, TableLike, Vector
+from ._libraries import needed
+from ._pictures import DrawnTable
+from ._typing import PathLike, TableLike, Vector
 from ._values import values_of
 from .errors import InputError, temporary_folder, warn
-from .tables import Table
 
 if TYPE_CHECKING:
     import geopandas
@@ -42,7 +40,7 @@ _WHOLE: dict[str, np.dtype[np.integer[Any]]] = {
 }
 
 
-class Points(Table):
+class Points(DrawnTable):
     """Points, one per row. :func:`vlscan.columns` lists the columns. Shows itself in a notebook.
 
     ``points[points["Classification"] == 2]`` are some of them, which can be written, drawn and converted as all of them.
@@ -422,114 +420,3 @@ class Points(Table):
             return np.full((2, 3), np.nan)
         columns = [self[name] for name in "XYZ"]
         return np.array([[c.min() for c in columns], [c.max() for c in columns]])
-
-    def png(self, colour: str = "height", title: str = "", width: int = 1600, height: int = 1200) -> bytes:
-        """Draw the points from above and from the side.
-
-        Parameters
-        ----------
-        colour : str
-            ``height``, ``class``, ``intensity``, ``object`` or ``return``.
-        title : str
-            A title.
-        width, height : int
-            Size of the picture, pixels.
-
-        Returns
-        -------
-        bytes
-            A PNG file.
-
-        Raises
-        ------
-        ValueError
-            Another colour, or another size than 320 to 16384 by 240 to 16384.
-        """
-        return _vlscan.picture(self._table, colour, title, width, height)
-
-    def html(self, colour: str = "height", title: str = "", max_points: int = 1_000_000) -> str:
-        """Make a page to turn the points around in a browser, offline.
-
-        Parameters
-        ----------
-        colour : str
-            ``height``, ``class``, ``intensity``, ``object`` or ``return``.
-        title : str
-            A title.
-        max_points : int
-            Of more points evenly chosen ones are shown.
-
-        Returns
-        -------
-        str
-            The page.
-        """
-        return _vlscan.page(self._table, colour, title, max_points)
-
-    def show(self, colour: str = "height", title: str = "", max_points: int = 200_000) -> Displayed | None:
-        """Show the points: in a notebook as a view to turn around, otherwise as a page in the browser.
-
-        Parameters
-        ----------
-        colour : str
-            ``height``, ``class``, ``intensity``, ``object`` or ``return``.
-        title : str
-            A title.
-        max_points : int
-            Of more points evenly chosen ones are shown.
-
-        Returns
-        -------
-        IPython.display.HTML or None
-            The view, in a notebook.
-        """
-        return show_page(self.html(colour, title, max_points))
-
-    def save_preview(
-        self, path: PathLike, colour: str = "height", title: str = "", *, width: int = 1600, height: int = 1200, force: bool = False
-    ) -> None:
-        """Write a picture or a page.
-
-        Parameters
-        ----------
-        path : str or path-like
-            The file, ``.png`` or ``.html``.
-        colour : str
-            ``height``, ``class``, ``intensity``, ``object`` or ``return``.
-        title : str
-            A title.
-        width, height : int
-            Size of a picture, pixels.
-        force : bool
-            If set, an existing file is replaced.
-
-        Raises
-        ------
-        ValueError
-            Another extension or colour, or another size than that of :meth:`png`.
-        InputError
-            The file exists.
-
-        Examples
-        --------
-        >>> vlscan.run("fixtures/room/survey.xml", seed=1).points.save_preview("room.png", "intensity", width=800, height=600)
-        """
-        name = os.fspath(path)
-        refuse_existing(name, force)
-        if name.lower().endswith((".html", ".htm")):
-            content = self.html(colour, title).encode()
-        elif name.lower().endswith(".png"):
-            content = self.png(colour, title, width, height)
-        else:
-            raise ValueError(f"{name}: expected a name that ends in .png or .html")
-        save(name, content, force)
-
-    def _small_png(self, width: int, height: int) -> bytes:
-        """Draw the points with sixteen colours."""
-        return _vlscan.picture(self._table, "height", "", width, height, True)
-
-    def _repr_html_(self) -> str:
-        about = html.escape(f"{len(self):,} points: {', '.join(self.columns)}")
-        if not len(self) or not {"X", "Y", "Z"} <= set(self.columns):
-            return f"<div>{about}</div>"
-        return picture_html(self._small_png, about)
