@@ -308,7 +308,7 @@ class ScenePart(PlacedPart):
         """
         if np.ma.is_masked(points):
             raise ValueError("points has masked values; leave these rows out")
-        rows = np.asarray(points, dtype=np.float64)
+        rows = np.asarray(points)
         if rows.ndim != 2 or rows.shape[1] < 3 or not len(rows):
             raise ValueError(f"points has the shape {rows.shape}, expected n by 3 or more")
         normals = _columns("normals_file_columns", normals_file_columns, False, rows.shape[1])

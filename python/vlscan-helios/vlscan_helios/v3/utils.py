@@ -292,12 +292,17 @@ def combine_parameters(groups: list[list[str]] | None = None, **parameters: Any)
     ------
     ValueError
         A group names an unknown parameter or one of another group, or its parameters have different numbers of values.
+    TypeError
+        The groups are no lists of names, such as ``["x", "y"]`` instead of ``[["x", "y"]]``.
 
     Examples
     --------
     >>> vlscan.helios.combine_parameters(groups=[["x", "y"]], x=[0, 5], y=[1, 6], z=2)
     [{'x': 0, 'y': 1, 'z': 2}, {'x': 5, 'y': 6, 'z': 2}]
     """
+    wrong = groups if isinstance(groups, str) else next((group for group in groups or () if not is_real_iterable(group)), None)
+    if wrong is not None:
+        raise WrongTypeError(f"groups is {groups!r}, expected lists of names, such as groups=[['x', 'y']]")
     grouped = None if groups is None else {name for group in groups for name in group}
     columns = {
         name: list(value) if is_real_iterable(value) and (grouped is None or name in grouped) else [value]
