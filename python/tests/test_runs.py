@@ -458,6 +458,8 @@ def test_messages_name_keywords_instead_of_options():
         ("--planes FILE.obj, --extend or --density", "planes=, extend= or density="),
         ("--physics helios, --chance --task 1/2", 'physics="helios", chance=True task= 1/2'),
         ('run = "--seed 3": --seed 1.5.2', 'run = "--seed 3": seed= 1.5.2'),
+        ("`--scanner data/a b.xml#ID` or --scanner my/file.xml#ID", '`scanner= data/a b.xml#ID` or scanner="my/file.xml#ID"'),
+        ("--scanner file.xml#ID takes one, --dtm and/or --dsm", 'scanner="file.xml#ID" takes one, dtm= and/or dsm='),
         ("`vlscan run --force` of `--force`", "`vlscan run --force` of `force=True`"),
         ("--no-such-option, a -- b and x--force", "--no-such-option, a -- b and x--force"),
     ]:

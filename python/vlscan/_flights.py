@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from . import _vlscan
+from ._arguments import positive, truth
 from ._description import SurveyDescription
 from ._typing import PathLike
 from ._values import recorded, values_of
@@ -74,7 +75,7 @@ class FlownSurvey(SurveyDescription):
         InputError
             Input is invalid.
         TypeError
-            The interval is a text.
+            The interval is no number.
         ValueError
             The interval is not above 0.
 
@@ -84,13 +85,9 @@ class FlownSurvey(SurveyDescription):
         >>> poses.columns
         ['time', 'x', 'y', 'z', 'roll', 'pitch', 'yaw']
         """
-        given: object = interval
-        if isinstance(given, str):
-            raise TypeError(f"interval is {given!r}, expected a number of seconds")
-        if interval is not None and not 0 < interval < float("inf"):
-            raise ValueError(f"interval is {interval}, expected seconds above 0")
+        interval = None if interval is None else positive("interval", interval, "seconds")
         values = values_of(options, FlownSurvey.fly_trajectory, writes_files=False)
-        return Table(_vlscan.fly(self._flight(values), "poses", interval, true))
+        return Table(_vlscan.fly(self._flight(values), "poses", interval, truth("true", true)))
 
     def fly_pulses(self, **options: Unpack[RunOptions]) -> Table:
         """Fly the survey without measuring, and return its pulses.

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import html
-import os
 
 from . import _vlscan
+from ._arguments import path_of, text, whole
 from ._libraries import refuse_existing, save
 from ._notebook import picture_html, show_page
 from ._typing import Displayed, PathLike
@@ -37,7 +37,8 @@ class DrawnTable(Table):
         ValueError
             Another colour, or another size than 320 to 16384 by 240 to 16384.
         """
-        return _vlscan.picture(self._table, colour, title, width, height)
+        size = (whole("width", width, 1), whole("height", height, 1))
+        return _vlscan.picture(self._table, text("colour", colour), text("title", title), *size)
 
     def html(self, colour: str = "height", title: str = "", max_points: int = 1_000_000) -> str:
         """Make a page to turn the points around in a browser, offline.
@@ -56,7 +57,7 @@ class DrawnTable(Table):
         str
             The page.
         """
-        return _vlscan.page(self._table, colour, title, max_points)
+        return _vlscan.page(self._table, text("colour", colour), text("title", title), whole("max_points", max_points, 1))
 
     def show(self, colour: str = "height", title: str = "", max_points: int = 200_000) -> Displayed | None:
         """Show the points: in a notebook as a view to turn around, otherwise as a page in the browser.
@@ -106,7 +107,7 @@ class DrawnTable(Table):
         --------
         >>> vlscan.run("fixtures/room/survey.xml", seed=1).points.save_preview("room.png", "intensity", width=800, height=600)
         """
-        name = os.fspath(path)
+        name = path_of("path", path)
         refuse_existing(name, force)
         if name.lower().endswith((".html", ".htm")):
             content = self.html(colour, title).encode()

@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from . import _vlscan
+from ._arguments import reals
 from ._columns import columns_of
-from ._conversions import colours_of, crs_of_library, normals_of
+from ._conversions import colours_of, crs_of_library, crs_text, normals_of
 from ._libraries import needed
 from ._pictures import DrawnTable
 from ._typing import PathLike, TableLike, Vector
@@ -26,8 +27,8 @@ if TYPE_CHECKING:
     import laspy
     import open3d
 
-# Digits of 32-bit floats: coordinates beyond lose millimetres.
-_LOSSLESS_M = 1e-3 * 2.0**24
+# Coordinates as shorter floats may be wrong by so much.
+_LOSSLESS_M = 1e-3
 
 # Extensions of the formats whose names are none.
 _EXTENSIONS = {"copc": "copc.laz", "ply-ascii": "ply", "raycloud": "ply", "geoparquet": "geo.parquet"}
@@ -88,7 +89,9 @@ class Points(DrawnTable):
         [1.0, 0.0, 2.0]
         """
         given: Any = table
-        crs = crs_of_library(given) if crs is None else crs
+        if isinstance(given, (str, bytes, os.PathLike)):
+            raise TypeError(f"expected a table, found {given!r}; Points.read() reads a file")
+        crs = crs_of_library(given) if crs is None else crs_text(crs)
         points = Points(_vlscan.Table.of_columns(columns_of(given, ("X", "Y", "Z"), keep_types=True), crs))
         missing = [name for name in "XYZ" if name not in points]
         if missing:
@@ -129,6 +132,10 @@ class Points(DrawnTable):
             raise TypeError(f"expected Points, found {type(wrong).__name__}; Points.of() converts tables")
         if len({table.crs for table in tables}) > 1:
             raise ValueError("the points have different coordinate reference systems")
+        names = {name for table in tables for name in table.columns}
+        differing = sorted(name for name in names if not all(name in table for table in tables))
+        if differing:
+            raise ValueError(f"not all of the points have the column {', '.join(differing)}; to_pandas() and Points.of() make others")
         return Points(_vlscan.Table.concat([table._table for table in tables])) if len(tables) > 1 else tables[0]
 
     @staticmethod
@@ -313,23 +320,31 @@ class Points(DrawnTable):
         numpy.ndarray
             The array, m.
 
+        Raises
+        ------
+        TypeError
+            A type without fractions, or an offset that is no numbers.
+
         Examples
         --------
         >>> points = vlscan.run("fixtures/room/survey.xml", seed=1).points
         >>> points.coordinates("float32", offset=points.bounds[0]).min(axis=0).tolist()
         [0.0, 0.0, 0.0]
         """
-        origin = np.zeros(3) if offset is None else np.asarray(offset, float)
+        kind = np.dtype(dtype)
+        if kind.kind != "f":
+            raise TypeError(f"dtype is {kind}, expected a type of floating point, such as float32; others have no fractions of a metre")
+        origin = np.zeros(3) if offset is None else reals("offset", offset)
         if origin.shape != (3,):
             raise ValueError(f"offset has the shape {origin.shape}, expected x, y, z")
-        values = np.empty((len(self), 3), dtype=dtype)
+        values = np.empty((len(self), 3), dtype=kind)
         for axis, name in enumerate("XYZ"):
             values[:, axis] = self[name] - origin[axis] if origin[axis] else self[name]
-        if values.dtype == np.float32 and len(self):
-            reach = max(np.abs(self.bounds - origin).max(), 0.0)
-            if reach > _LOSSLESS_M:
+        if kind.itemsize < 8 and len(self):
+            reach, step = max(np.abs(self.bounds - origin).max(), 0.0), float(np.finfo(kind).eps)
+            if reach * step > 2 * _LOSSLESS_M:
                 warn(
-                    f"32-bit floats resolve {reach * 2.0**-23:.3g} m at coordinates of {reach:.0f} m; "
+                    f"{8 * kind.itemsize}-bit floats resolve {reach * step:.3g} m at coordinates of {reach:.0f} m; "
                     "give coordinates() an offset, such as offset=points.bounds[0]"
                 )
         return values

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import operator
 from collections.abc import Iterable, Mapping
 from functools import partial
 from typing import TYPE_CHECKING
@@ -11,8 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from . import _vlscan
+from ._arguments import positive, reals, truth, whole
 from ._columns import columns_of
-from ._conversions import unmasked
 from ._description import TRAJECTORY_COLUMNS, SurveyArguments
 from ._flights import FlownSurvey
 from ._libraries import shown_progress
@@ -194,17 +193,13 @@ class Survey(FlownSurvey):
         True
         """
         values, tables = recorded(to, waveforms, pulses, options, Survey.run_batches)
-        if isinstance(rows, bool) or (seconds is not None and isinstance(seconds, (str, bool))):
-            raise TypeError(f"rows and seconds are numbers, found {rows!r} and {seconds!r}")
-        if seconds is not None and not 0 < seconds < float("inf"):
-            raise ValueError(f"seconds is {seconds}, expected more than 0")
-        if not hasattr(rows, "__index__"):
-            raise TypeError(f"rows is {rows!r}, expected a whole number")
-        count = min(operator.index(rows), 2**62)
-        if count < 1:
-            raise ValueError(f"rows is {count}, expected at least 1")
+        count = min(whole("rows", rows, 1), 2**62)
+        seconds = None if seconds is None else positive("seconds", seconds, "seconds")
+        per_leg = truth("per_leg", per_leg)
         beside = [table for table in tables if table != "points"]
         chosen = None if batch_columns is None else [batch_columns] if isinstance(batch_columns, str) else list(batch_columns)
+        if chosen == []:
+            raise ValueError("batch_columns names no column; leave it out for those of the option columns")
         return Batches(partial(_vlscan.run_batches, self._flight(values), count, per_leg, seconds, 2, beside, chosen))
 
 
@@ -421,9 +416,7 @@ def trace(
         columns: dict[str, ArrayLike] = {name: starts[:, axis] for axis, name in enumerate("xyz")}
         columns |= {f"d{name}": ends[:, axis] for axis, name in enumerate("xyz")}
         if time is not None:
-            if np.asarray(time).dtype.kind in "mM":
-                raise TypeError("time holds calendar times or durations, expected seconds")
-            times = np.asarray(unmasked("time", time), float)
+            times = reals("time", time)
             if times.shape not in ((), (1,), (len(ends),)):
                 raise ValueError(f"time has the shape {times.shape}, expected one number or {len(ends)}")
             columns["time"] = np.broadcast_to(times, len(ends))
