@@ -83,6 +83,7 @@ TIMES = np.arange(3).astype("datetime64[s]")
         (lambda: vlscan.Survey.from_document(None), "text is None, expected a text"),
         (lambda: vlscan.run_shard(survey(), 0, 0, "shards"), "of is 'shards', expected a whole number"),
         (lambda: vlscan.preview(3, "a.png"), "source is 3"),
+        (lambda: survey(scanner=vlscan.Scanner("vlp16", pattern=[1j])).document(), "pattern: expected numbers, .*found complex"),
         (lambda: vlscan.run_campaign("set.toml", notify=3), "notify is 3, expected a function"),
         (lambda: vlscan.plan_airborne("riegl_vux-1uav", 60, density=5, area=COMPLEX), "area is of complex128"),
     ],
@@ -150,8 +151,15 @@ def test_numbers_of_other_types_are_numbers():
     assert wall(np.array(SQUARE, ">f4"), np.array(FACES, ">i2")) == wall(np.asfortranarray(SQUARE, float)) == wall()
 
 
+def test_frames_where_rows_are_expected_name_what_has_them():
+    pandas = pytest.importorskip("pandas")
+    pattern = vlscan.Scanner("livox_mid-360", optics="pattern", pattern=pandas.DataFrame([[0.0, 1.0]]))
+    with pytest.raises(TypeError, match=r"pattern: .*found DataFrame; to_numpy\(\) has its rows"):
+        survey(scanner=pattern).document()
+
+
 def test_points_to_compare_and_join_are_checked(points):
-    with pytest.raises(ValueError, match="not all of the points have the column Amplitude"):
+    with pytest.raises(ValueError, match="the points have different columns: not all have Amplitude"):
         vlscan.Points.concat([points, vlscan.Points.of(points.xyz)])
     with pytest.raises(TypeError, match="dtype is int8, expected a type of floating point"):
         points.coordinates("int8")
@@ -162,6 +170,8 @@ def test_points_to_compare_and_join_are_checked(points):
             points.png(**wrong)
     with pytest.raises(ValueError, match="max_points is -1"):
         points.html(max_points=-1)
+    with pytest.raises(TypeError, match="did you mean 'labels'"):
+        points.write("points.laz", label=True)
 
 
 def test_systems_are_codes_numbers_or_objects(points):

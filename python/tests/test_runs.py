@@ -476,9 +476,11 @@ def test_origins_and_directions_are_broadcast():
     two = [[0, 0, 5], [1, 0, 5]]
     for origins, directions, count in [(two, [[0, 0, -1]], 2), (two, [0, 0, -1], 2), ([0, 0, 5], [0, 0, -1], 1)]:
         assert vlscan.trace(floor, origins, directions).point_count == count
-    for origins, directions in [(two, [[0, 0, -1]] * 3), ([0, 0], [0, 0, -1]), (two, "up")]:
+    for origins, directions in [(two, [[0, 0, -1]] * 3), ([0, 0], [0, 0, -1])]:
         with pytest.raises(ValueError):
             vlscan.trace(floor, origins, directions)
+    with pytest.raises(TypeError, match="directions is 'up'"):
+        vlscan.trace(floor, two, "up")
     with pytest.raises(ValueError, match="found origins of shape .2, 3. and directions of shape .3, 3."):
         vlscan.trace(floor, two, [[0, 0, -1]] * 3)
 

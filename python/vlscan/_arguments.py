@@ -81,19 +81,19 @@ def _first_wrong(array: NDArray[Any]) -> object:
     return array
 
 
-def real(name: str, value: object) -> float:
-    """Return an argument as a number; anything else is a ``TypeError``."""
+def real(name: str, value: object, unit: str = "") -> float:
+    """Return an argument as a number; anything else is a ``TypeError``, whose message has the unit."""
     if isinstance(value, np.ndarray) and value.ndim == 0:
         value = value.item()
     is_number = isinstance(value, (numbers.Real, np.floating, np.integer)) or hasattr(value, "as_tuple")
     if not is_number or isinstance(value, (bool, np.bool_)):
-        raise TypeError(f"{name} is {_shown(value)}, expected a number")
+        raise TypeError(f"{name} is {_shown(value)}, expected a number{unit and f' of {unit}'}")
     return float(value)  # type: ignore[arg-type]
 
 
 def positive(name: str, value: object, unit: str) -> float:
     """Return an argument as a finite number above 0."""
-    number = real(name, value)
+    number = real(name, value, unit)
     if not 0 < number < math.inf:
         raise ValueError(f"{name} is {number:g}, expected {unit} above 0")
     return number

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from . import _vlscan
-from ._arguments import reals
+from ._arguments import reals, suggesting
 from ._columns import columns_of
 from ._conversions import colours_of, crs_of_library, crs_text, normals_of
 from ._libraries import needed
@@ -135,7 +135,7 @@ class Points(DrawnTable):
         names = {name for table in tables for name in table.columns}
         differing = sorted(name for name in names if not all(name in table for table in tables))
         if differing:
-            raise ValueError(f"not all of the points have the column {', '.join(differing)}; to_pandas() and Points.of() make others")
+            raise ValueError(f"the points have different columns: not all have {', '.join(differing)}")
         return Points(_vlscan.Table.concat([table._table for table in tables])) if len(tables) > 1 else tables[0]
 
     @staticmethod
@@ -181,6 +181,7 @@ class Points(DrawnTable):
                 shutil.copyfileobj(path, copy)
             return Points(_vlscan.read_points(name))
 
+    @suggesting
     def write(
         self,
         path: PathLike | IO[bytes],

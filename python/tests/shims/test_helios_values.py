@@ -270,3 +270,14 @@ def test_warnings_are_of_the_line_of_the_program():
     with pytest.warns(vlscan.VlscanWarning, match="reflectance") as found:
         helios.Material(reflectance=3)
     assert found[0].filename == __file__
+
+
+def test_names_that_are_unknown_have_a_suggestion():
+    with pytest.raises(ValueError, match="has no field 'pulse_freq'; did you mean pulse_frequency"):
+        helios.ScannerSettings().update_from_dict({"pulse_freq": 3})
+    with pytest.raises(ValueError, match="the id or tag 'tls_polygn'; did you mean 'tls_polygon'"):
+        helios.display_xml(FIXTURES / "room/scanners.xml", "tls_polygn")
+    with pytest.raises(TypeError, match="expected a file or a survey, found 3"):
+        helios.display_xml(3)
+    with pytest.raises(ValueError, match="0 parts with the id 99, expected one; there are 0, 1, 2, 3, 4"):
+        helios.ScenePart.from_xml(FIXTURES / "room/scene.xml", 99)

@@ -8,6 +8,7 @@ import re
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping
 from datetime import datetime, timezone
+from difflib import get_close_matches
 from glob import glob, has_magic
 from itertools import product
 from pathlib import Path
@@ -370,16 +371,22 @@ def display_xml(path: str | os.PathLike[str] | Survey, item: str | None = None) 
         No element has the id.
     """
     if not isinstance(path, (str, os.PathLike)):
+        if not hasattr(path, "to_xml"):
+            raise WrongTypeError(f"expected a file or a survey, found {path!r}")
         return XmlText(path.to_xml())
     found = on_disk(existing_file(path))
     text = found.read_text(encoding="utf-8", errors="replace")
     if item is None:
         return XmlText(text)
+    names: dict[str, None] = {}
     for element in ElementTree.fromstring(text.lstrip()).iter():
         if item in (element.get("id"), element.tag):
             ElementTree.indent(element)
             return XmlText(ElementTree.tostring(element, encoding="unicode").strip())
-    raise ValueError(f"{found} has no element with the id or tag {item!r}")
+        names |= dict.fromkeys(filter(None, (element.get("id"), element.tag)))
+    close = get_close_matches(item, names, 1)
+    hint = f"did you mean {close[0]!r}?" if close else f"there are {', '.join(names)}"
+    raise ValueError(f"{found} has no element with the id or tag {item!r}; {hint}")
 
 
 def detect_separator(file_path: str | os.PathLike[str]) -> str:
