@@ -458,6 +458,8 @@ def test_messages_name_keywords_instead_of_options():
         ("--planes FILE.obj, --extend or --density", "planes=, extend= or density="),
         ("--physics helios, --chance --task 1/2", 'physics="helios", chance=True task= 1/2'),
         ('run = "--seed 3": --seed 1.5.2', 'run = "--seed 3": seed= 1.5.2'),
+        ("`--scanner data/a b.xml#ID` or --scanner my/file.xml#ID", '`scanner= data/a b.xml#ID` or scanner="my/file.xml#ID"'),
+        ("--scanner file.xml#ID takes one, --dtm and/or --dsm", 'scanner="file.xml#ID" takes one, dtm= and/or dsm='),
         ("`vlscan run --force` of `--force`", "`vlscan run --force` of `force=True`"),
         ("--no-such-option, a -- b and x--force", "--no-such-option, a -- b and x--force"),
     ]:
@@ -474,9 +476,11 @@ def test_origins_and_directions_are_broadcast():
     two = [[0, 0, 5], [1, 0, 5]]
     for origins, directions, count in [(two, [[0, 0, -1]], 2), (two, [0, 0, -1], 2), ([0, 0, 5], [0, 0, -1], 1)]:
         assert vlscan.trace(floor, origins, directions).point_count == count
-    for origins, directions in [(two, [[0, 0, -1]] * 3), ([0, 0], [0, 0, -1]), (two, "up")]:
+    for origins, directions in [(two, [[0, 0, -1]] * 3), ([0, 0], [0, 0, -1])]:
         with pytest.raises(ValueError):
             vlscan.trace(floor, origins, directions)
+    with pytest.raises(TypeError, match="directions is 'up'"):
+        vlscan.trace(floor, two, "up")
     with pytest.raises(ValueError, match="found origins of shape .2, 3. and directions of shape .3, 3."):
         vlscan.trace(floor, two, [[0, 0, -1]] * 3)
 

@@ -241,10 +241,12 @@ def test_a_way_is_three_numbers_or_one_sequence():
     part = ground()
     for way in ([1, 2, 3], (1, 2, 3), np.array([1, 2, 3], "f4")):
         assert part.translate(way) == part.translate(1, 2, 3)
-    for wrong in (1, [1, 2], [1, 2, np.nan], "123"):
-        with pytest.raises(ValueError, match="three finite numbers|convert"):
+    for wrong in (1, [1, 2], [1, 2, np.nan]):
+        with pytest.raises(ValueError, match="three finite numbers"):
             part.translate(wrong)
-    with pytest.raises(ValueError, match="inhomogeneous|sequence|three finite numbers"):
+    with pytest.raises(TypeError, match="a translation is '123'"):
+        part.translate("123")
+    with pytest.raises(ValueError, match="rows of different lengths|three finite numbers"):
         part.translate([1, 2, 3], z=4)
     with pytest.raises(TypeError, match="an axis is 'z', expected three numbers"):
         part.rotate("z", 90)
@@ -290,7 +292,7 @@ def test_pulses_are_given_once():
 
 def test_times_of_pulses_are_seconds():
     for wrong in (np.array(["2024-01-01"], "datetime64[ns]"), np.array([1], "timedelta64[s]")):
-        with pytest.raises(TypeError, match="time holds calendar times or durations, expected seconds"):
+        with pytest.raises(TypeError, match="time is of (datetime64|timedelta64).* are seconds"):
             vlscan.trace(ground(), (0, 0, 2), (0, 0, -1), time=wrong)
 
 

@@ -9,6 +9,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ._arguments import reals
 from ._conversions import columns_of_library, unmasked
 from ._typing import ArrowStream, PathLike, TableLike
 
@@ -47,12 +48,15 @@ def columns_of(table: TableLike | ArrayLike, names: tuple[str, ...], keep_types:
         columns = {str(name): _column(str(name), values) for name, values in table.items()}
     else:
         array = unmasked("the array", table)
-        if array.dtype.kind in "OSU":
-            raise TypeError(f"expected a table{_shape_of(names)}, found {type(table).__name__}")
+        if array.dtype.kind in "OSU" or array.ndim == 0:
+            advice = "; its collect() makes a table" if hasattr(table, "collect") else ""
+            raise TypeError(f"expected a table{_shape_of(names)}, found {type(table).__name__}{advice}")
         if array.dtype.names:
             columns = {name: _column(name, array[name]) for name in array.dtype.names}
         elif names and array.ndim == 2 and array.shape[1] == len(names):
             columns = {name: array[:, index] for index, name in enumerate(names)}
+        elif not names:
+            raise TypeError(f"expected a table of columns with names, found an array of the shape {array.shape}")
         else:
             raise ValueError(f"an array has the shape {array.shape}, expected n by {len(names)}: {', '.join(names)}")
     lengths = {name: len(values) for name, values in columns.items()}
@@ -60,7 +64,7 @@ def columns_of(table: TableLike | ArrayLike, names: tuple[str, ...], keep_types:
         raise ValueError(f"columns of a table have different lengths: {lengths}")
     if keep_types:
         return {name: _typed(name, values) for name, values in columns.items()}
-    return {name: np.asarray(values, dtype="<f8").tobytes() for name, values in columns.items()}
+    return {name: reals(f"column {name}", values).astype("<f8", copy=False).tobytes() for name, values in columns.items()}
 
 
 def named_cloud(cloud: TableLike | PathLike, name: str) -> tuple[str, EngineTable | None]:
@@ -80,8 +84,8 @@ def named_cloud(cloud: TableLike | PathLike, name: str) -> tuple[str, EngineTabl
     table : object or None
         The table; ``None`` for a file.
     """
-    if isinstance(cloud, (str, os.PathLike)):
-        return os.fspath(cloud), None
+    if isinstance(cloud, (str, bytes, os.PathLike)):
+        return os.fsdecode(cloud), None
     return name, columns_of(cloud, ("X", "Y", "Z"))
 
 

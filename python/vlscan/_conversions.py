@@ -97,6 +97,17 @@ def crs_of_library(table: Any) -> str | None:
     return known or None if isinstance(known, str) else None
 
 
+def crs_text(crs: object) -> str:
+    """Return a coordinate reference system as text: that of a text, the number of a code, or an object of pyproj."""
+    if hasattr(crs, "to_wkt"):
+        return str(crs.to_wkt("WKT1_GDAL"))
+    if isinstance(crs, (int, np.integer)) and not isinstance(crs, bool):
+        return f"EPSG:{crs}"
+    if not isinstance(crs, str):
+        raise TypeError(f"crs is {crs!r}, expected a code such as 'EPSG:25832', or WKT")
+    return crs
+
+
 def normals_of(points: Any) -> NDArray[np.float64] | None:
     """Return the columns of normals as an array, if the points have them."""
     return points.to_numpy(_NORMALS, dtype=np.float64) if all(name in points for name in _NORMALS) else None

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypedDict
 from numpy.typing import ArrayLike
 
 from . import _toml, _vlscan
+from ._arguments import suggesting
+from ._arguments import text as checked_text
 from ._checked import Checked
 from ._columns import EngineTable, columns_of
 from ._typing import PathLike, TableLike
@@ -61,6 +63,7 @@ class SurveyDescription(Checked):
         waveform: Converted[dict[str, object], Mapping[str, object] | None] = Converted()
         detector: Converted[dict[str, object], Mapping[str, object] | None] = Converted()
 
+    @suggesting
     def __init__(
         self,
         scene: Scene | PathLike | Part | Iterable[Part] | None = None,
@@ -79,9 +82,9 @@ class SurveyDescription(Checked):
         self.legs = legs_of(legs)
         self.platform = None if platform is None else Platform.of(platform)
         self.trajectory = trajectory
-        self.settings = dict(settings or {})
-        self.waveform = dict(waveform or {})
-        self.detector = dict(detector or {})
+        self.settings = settings
+        self.waveform = waveform
+        self.detector = detector
         self.name = name
         # Working directory, relative to which files are named.
         self._folder = working_folder()
@@ -152,6 +155,7 @@ class SurveyDescription(Checked):
         True
         """
         survey = cls(scene)
+        text = checked_text("text", text)
         survey._text, survey._name = text, os.fspath(path)
         if not (trajectories is None or isinstance(trajectories, Mapping)):
             raise TypeError(f"trajectories are tables by name, found {type(trajectories).__name__}")

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _vlscan
+from ._arguments import array_of, real, reals, whole
 from ._point_file import PointFile
 from ._typing import Vector
 from .materials import FileMaterial, Material, fields_of
@@ -96,7 +97,7 @@ class PlacedPart:
         ValueError
             A number is not finite.
         """
-        numbers = np.asarray(x if y is None and not z else (x, y, z), float)
+        numbers = reals("a translation", x if y is None and not z else (x, 0.0 if y is None else y, z))
         if numbers.shape != (3,) or not np.isfinite(numbers).all():
             raise ValueError(f"a translation is {numbers.tolist()}, expected three finite numbers: x, y and z")
         way = numbers.tolist()
@@ -121,10 +122,10 @@ class PlacedPart:
         ValueError
             The factor is not above 0.
         """
-        if not (math.isfinite(factor) and factor > 0):
-            raise ValueError(f"a scale is {factor}, expected a number above 0")
+        factor = real("factor", factor)
+        if not 0 < factor < math.inf:
+            raise ValueError(f"a scale is {factor:g}, expected a number above 0")
         x, y, z = self._place.offset
-        factor = float(factor)
         return self._placed(scale=self._place.scale * factor, offset=(x * factor, y * factor, z * factor))
 
     def rotate(self, axis: Vector, angle_deg: float) -> Self:
@@ -152,10 +153,11 @@ class PlacedPart:
         given: object = axis
         if isinstance(given, str):
             raise TypeError(f"an axis is {given!r}, expected three numbers, such as (0, 0, 1) for z")
-        direction = np.asarray(axis, float)
+        direction = reals("an axis", axis)
         length = np.linalg.norm(direction)
         if direction.shape != (3,) or not 0 < length < math.inf:
             raise ValueError(f"an axis is {axis}, expected three finite numbers that are not all 0")
+        angle_deg = real("angle_deg", angle_deg)
         if not math.isfinite(angle_deg):
             raise ValueError(f"an angle is {angle_deg}, expected a finite number of degrees")
         half = math.radians(angle_deg) / 2
@@ -179,7 +181,7 @@ class PlacedPart:
         ValueError
             The quaternion is 0, or a number is not finite.
         """
-        q = np.asarray(quaternion, float)
+        q = reals("a quaternion", quaternion)
         if q.shape != (4,) or not 0 < np.linalg.norm(q) < math.inf:
             raise ValueError(f"a quaternion is {quaternion}, expected finite numbers w, x, y, z that are not all 0")
         w, x, y, z = (q / np.linalg.norm(q)).tolist()
@@ -198,8 +200,16 @@ class PlacedPart:
         -------
         Part
             The part, which shares the geometry.
+
+        Raises
+        ------
+        TypeError
+            Neither a truth value nor a whole number.
+        ValueError
+            A number below -1.
         """
-        return self._placed(on_ground=int(on_ground))
+        mode = int(on_ground) if isinstance(on_ground, (bool, np.bool_)) else whole("on_ground", on_ground, -1)
+        return self._placed(on_ground=mode)
 
     def with_material(self, material: Material, of: str | ArrayLike | None = None) -> Self:
         """Return the part with another material.
@@ -256,7 +266,7 @@ class PlacedPart:
         ValueError
             An index beyond the faces, or an array of another shape.
         """
-        chosen = np.atleast_1d(np.asarray(of))
+        chosen = np.atleast_1d(array_of("of", of))
         count = self._faces[0] if self._faces else None
         if chosen.dtype == bool:
             if count is None:

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._conversions import unmasked
-from .errors import kept_folder
+from ._arguments import reals
+from .errors import InputError, kept_folder
 
 # Columns beyond which an array with fewer rows is taken for a transposed one: position, normal, colour and some more.
 _MAX_COLUMNS = 20
@@ -31,7 +31,7 @@ class PointFile:
         names = getattr(getattr(given, "dtype", None), "names", None)
         if names:
             raise ValueError(f"points is a table of {', '.join(names)}, expected rows of x, y, z: Points.of(table) has them")
-        rows: NDArray[np.float64] = np.asarray(unmasked("points", given), dtype=np.float64)
+        rows: NDArray[np.float64] = reals("points", given)
         if rows.ndim != 2 or rows.shape[1] < 3 or not len(rows):
             raise ValueError(f"points has the shape {rows.shape}, expected n by 3 or more")
         if rows.shape[1] > max(len(rows), _MAX_COLUMNS):
@@ -43,10 +43,12 @@ class PointFile:
         return PointFile(("\n".join(lines) + "\n").encode())
 
     def __fspath__(self) -> str:
+        if not os.path.exists(self._path):
+            raise InputError("the temporary file of a part of points has been deleted; make the part again, of its array")
         return self._path
 
     def __reduce__(self) -> tuple[Callable[[bytes], PointFile], tuple[Any, ...]]:
-        with open(self._path, "rb") as file:
+        with open(os.fspath(self), "rb") as file:
             return PointFile, (file.read(),)
 
     def __eq__(self, other: object) -> bool:

@@ -19,12 +19,20 @@ def document(keys: Mapping[str, object]) -> str:
         elif isinstance(value, (list, tuple)) and all(isinstance(item, Mapping) for item in value):
             tables.extend(f"[[{key}]]\n" + _lines(item) for item in value)
         else:
-            plain.append(f"{key} = {_value(value)}\n")
+            plain.append(_line(key, value))
     return "".join(plain) + "\n" + "\n".join(tables)
 
 
 def _lines(table: Mapping[str, object]) -> str:
-    return "".join(f"{_key(key)} = {_value(value)}\n" for key, value in table.items() if value is not None)
+    return "".join(_line(key, value) for key, value in table.items() if value is not None)
+
+
+def _line(key: str, value: object) -> str:
+    try:
+        return f"{_key(key)} = {_value(value)}\n"
+    except TypeError as problem:
+        advice = "; to_numpy() has its rows" if hasattr(value, "to_numpy") else ""
+        raise TypeError(f"{key}: {problem}{advice}") from None
 
 
 def _key(key: str) -> str:

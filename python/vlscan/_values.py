@@ -13,6 +13,7 @@ from typing import TypeVar, cast
 import numpy as np
 
 from . import catalogue
+from ._arguments import path_of, truth
 from ._typing import PathLike
 
 Function = TypeVar("Function", bound=Callable[..., object])
@@ -113,12 +114,15 @@ def recorded(
     TypeError, ValueError
         As for :func:`values_of`; ``to`` names no file, or there is another folder of outputs.
     """
-    switches = {"waveforms": waveforms, "pulses": pulses}
+    given = {"waveforms": waveforms, "pulses": pulses}
+    switches = {name: None if value is None else truth(name, value) for name, value in given.items()}
     if to is None and options.get("output") is None:
         # The run counts the points of its first table.
         tables = ["points", *(name for name, is_wanted in switches.items() if is_wanted), "trajectory"]
         return values_of(options, call, writes_files=False), tables
     values = values_of(options, call) | {name: is_wanted for name, is_wanted in switches.items() if is_wanted is not None}
+    if hasattr(to, "write"):
+        raise TypeError("to is the name of a file, or several, found a file object; run().points.write(file, format=...) writes to one")
     if to is None:
         return values, ["trajectory"]
     if "output" in values:
@@ -128,7 +132,7 @@ def recorded(
     files = [to] if isinstance(to, (str, bytes, os.PathLike)) else list(to)
     if not files:
         raise ValueError("to names no file; without it the points stay in memory")
-    return {**values, "out": [os.fsdecode(file) for file in files]}, ["trajectory"]
+    return {**values, "out": [path_of("to", file) for file in files]}, ["trajectory"]
 
 
 def _arguments(call: Callable[..., object] | None, writes_files: bool) -> list[str]:
@@ -151,6 +155,8 @@ def _plain(name: str, value: object, has_value: bool) -> object:
         raise TypeError(f"{name} is True or False, found {value!r}")
     if value is True:
         raise TypeError(f"{name} needs a value, found True")
+    if isinstance(value, np.datetime64) and np.isnat(value):
+        raise ValueError(f"{name} is NaT, expected a time")
     return _value(value)
 
 
@@ -158,6 +164,9 @@ def _value(value: object) -> object:
     """Return a value with the types of Python: numbers, texts, lists and dictionaries."""
     if isinstance(value, (os.PathLike, bytes)):
         return os.fsdecode(value)
+    if hasattr(value, "to_wkt"):
+        # A coordinate reference system of pyproj.
+        return str(value.to_wkt("WKT1_GDAL"))
     if isinstance(value, np.datetime64):
         # The finest step of times in Python.
         value = value.astype("datetime64[us]").tolist()

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from . import _vlscan
+from ._arguments import path_of
 from ._libraries import counting_bar, needed
 from ._typing import PathLike
 
@@ -119,7 +120,9 @@ def run_campaign(
         The campaign is invalid, or has no such cell.
     """
     fields = {"task": task, "cells": list(cells), "retry": retry, "verify": verify, "threads": threads, "strict": strict}
-    name = os.fspath(path)
+    name = path_of("path", path)
+    if not (notify is None or callable(notify)):
+        raise TypeError(f"notify is {notify!r}, expected a function")
     total = 0 if progress is False else len(_vlscan.campaign_cells(name, fields))
     with counting_bar(progress, total, "cell") as count:
 
@@ -162,4 +165,4 @@ def campaign_cells(path: PathLike, *, task: tuple[int, int] | None = None, retry
     ['ground-drone-1']
     """
     fields: dict[str, Any] = {"task": task, "cells": [], "retry": retry, "verify": False, "threads": None, "strict": strict}
-    return _vlscan.campaign_cells(os.fspath(path), fields)
+    return _vlscan.campaign_cells(path_of("path", path), fields)

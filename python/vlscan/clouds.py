@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _vlscan
+from ._arguments import path_of, suggesting
 from ._columns import EngineTable, named_cloud
 from ._facts import Facts
 from ._libraries import needed
@@ -129,6 +130,7 @@ class Rasters(Facts[NDArray[np.float64]]):
         return f"<Rasters of {columns} by {rows} cells of {self.side_m:g} m: {', '.join(self)}>"
 
 
+@suggesting
 def raster(
     *clouds: TableLike | PathLike,
     dtm: PathLike | bool = False,
@@ -186,7 +188,7 @@ def raster(
     (True, 2.0)
     """
     asked = {"dtm": dtm, "dsm": dsm, "chm": chm, "density": density, "pulse_density": pulse_density}
-    wanted = {name: None if file is True else os.fspath(file) for name, file in asked.items() if file is not False}
+    wanted = {name: None if file is True else path_of(name, file) for name, file in asked.items() if file is not False}
     if not wanted:
         raise ValueError(f"no raster is asked for: expected at least one of {', '.join(asked)}")
     files = [file for file in wanted.values() if file is not None]
@@ -217,6 +219,7 @@ class FrameCounts(NamedTuple):
     points: int
 
 
+@suggesting
 def write_frames(
     points: Points | PathLike,
     folder: PathLike,
@@ -294,18 +297,18 @@ def write_frames(
         "forward": forward,
         "sequence": sequence,
         "intensity_factor": intensity_factor,
-        "objects": None if objects is None else os.fspath(objects),
+        "objects": None if objects is None else path_of("objects", objects),
         "skewed_objects": skewed_objects,
         "categories": list(names.items()),
     }
     if not isinstance(points, Points):
         if frame_s is not None:
             raise ValueError("frame_s is for points in memory; a file has its frames")
-        return FrameCounts(*_vlscan.write_frames(os.fspath(points), os.fspath(folder), fields))
+        return FrameCounts(*_vlscan.write_frames(path_of("points", points), path_of("folder", folder), fields))
     with temporary_folder() as place:
         path = os.path.join(place, "points.mcap")
         points.write(path, frame_s=frame_s)
-        return FrameCounts(*_vlscan.write_frames(path, os.fspath(folder), fields))
+        return FrameCounts(*_vlscan.write_frames(path, path_of("folder", folder), fields))
 
 
 def _named(clouds: tuple[TableLike | PathLike, ...]) -> list[tuple[str, EngineTable | None]]:

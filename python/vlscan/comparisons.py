@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _vlscan
+from ._arguments import path_of, suggesting
 from ._columns import named_cloud
 from ._facts import Facts
 from ._libraries import needed
@@ -107,6 +107,7 @@ class Comparison(Facts[Any]):
 
 
 @renamed(most_distances="max_distances")
+@suggesting
 def compare(
     first: TableLike | PathLike,
     second: TableLike | PathLike,
@@ -176,7 +177,7 @@ def compare(
         "force": force,
     }
     files = {"terrain": terrain, "page": page, "change": change, "changed": changed}
-    fields |= {name: None if file is None else os.fspath(file) for name, file in files.items()}
+    fields |= {name: None if file is None else path_of(name, file) for name, file in files.items()}
     text, ((columns, rows, side, corner), cells) = _vlscan.compare(named_cloud(first, "first"), named_cloud(second, "second"), fields)
     differences, detection = (np.frombuffer(values, "<f8").reshape(rows, columns) for values in cells[:2])
     is_changed = np.frombuffer(cells[2], bool).reshape(rows, columns)

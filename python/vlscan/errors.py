@@ -24,8 +24,11 @@ from ._options import RunOptions
 # Methods that do what an option of another name does.
 _METHODS = {"lines": "write_lines()"}
 
-# Text in double quotes, or an option of the command line with the word after it.
-_OPTION = re.compile(r'"[^"\n]*"|(?<![\w-])--([a-z][a-z0-9-]*)(?![\w-])(?: (-?\w(?:[\w.:#+-]*\w)?)(?![\w/]))?')
+# Text in double quotes, or an option of the command line with the word, or the path of a file, after it.
+_OPTION = re.compile(
+    r'"[^"\n]*"|(?<![\w-])--([a-z][a-z0-9-]*)(?![\w-])(?: ([^\s"]*/[^\s"]*\.\w+(?:#\w+)?|-?\w(?:[\w.:#+-]*\w)?)(?![\w/]))?'
+)
+_FILE = re.compile(r".*[^\W\d]\w*\.[a-z]\w*(?:#\w+)?")
 _PLACEHOLDER = re.compile(r"[A-Z][A-Z0-9_]*(?:\.[a-z]+)?(?:#[A-Z]+)?")
 _NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 
@@ -55,7 +58,7 @@ def _keyword(option: re.Match[str]) -> str:
         return f"{name}="
     if _NUMBER.fullmatch(word):
         return f"{name}={word}"
-    if word.startswith("EPSG:") or f"'{word}'" in kind:
+    if word.startswith("EPSG:") or _FILE.fullmatch(word) or f"'{word}'" in kind:
         return f'{name}="{word}"'
     return f"{name}={rest}"
 
@@ -287,7 +290,7 @@ def missing_file(path: str) -> FileError:
 
 
 # Packages of the wheel, and what runs between their functions: a warning is of the line that called them.
-_PACKAGES = ("vlscan", "vlscan_helios", "contextlib")
+_PACKAGES = ("vlscan", "vlscan_helios", "contextlib", "pydantic")
 
 
 def report(problems: Sequence[Mapping[str, Any]]) -> None:

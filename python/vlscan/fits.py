@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 from . import _vlscan
+from ._arguments import path_of, suggesting
 from ._facts import Facts
 from ._typing import PathLike, TableLike
 from .errors import temporary_folder
@@ -35,6 +36,7 @@ class Fitted(NamedTuple):
     unit: str
 
 
+@suggesting
 def fit_flight(
     cloud: TableLike | PathLike,
     output: PathLike,
@@ -78,10 +80,11 @@ def fit_flight(
         A file cannot be read or exists.
     """
     with _file_of(cloud) as name:
-        _, figures = _vlscan.fit_flight(name, os.fspath(output), flight_line, extend, force, max_memory)
+        _, figures = _vlscan.fit_flight(name, path_of("output", output), flight_line, extend, force, max_memory)
     return {figure["name"]: Fitted(figure["value"], figure["deviation"], figure["unit"]) for figure in json.loads(figures)}
 
 
+@suggesting
 def fit_sensor(
     revolution: PathLike,
     calibration: PathLike,
@@ -126,11 +129,11 @@ def fit_sensor(
         raise ValueError(f'half is {half!r}, expected "even" or "odd"')
     figures: dict[str, Any] = json.loads(
         _vlscan.fit_sensor(
-            os.fspath(revolution),
-            os.fspath(calibration),
-            os.fspath(output),
+            path_of("revolution", revolution),
+            path_of("calibration", calibration),
+            path_of("output", output),
             half == "odd",
-            None if planes is None else os.fspath(planes),
+            None if planes is None else path_of("planes", planes),
             force,
         )
     )
@@ -176,6 +179,7 @@ class Reconstruction(Facts[Any]):
         return f"<Reconstruction in {self.folder}: {', '.join(self)}>"
 
 
+@suggesting
 def reconstruct(
     cloud: TableLike | PathLike, folder: PathLike, *, voxel: float | None = None, divergence: float = 0.00025, force: bool = False
 ) -> Reconstruction:
@@ -205,7 +209,7 @@ def reconstruct(
         The cloud cannot be read or has no ground.
     """
     with _file_of(cloud) as name:
-        report: dict[str, Any] = json.loads(_vlscan.reconstruct(name, os.fspath(folder), voxel, divergence, force))
+        report: dict[str, Any] = json.loads(_vlscan.reconstruct(name, path_of("folder", folder), voxel, divergence, force))
     return Reconstruction(report, Path(folder))
 
 

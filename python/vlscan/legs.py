@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
+from ._arguments import reals
 from ._checked import Checked
 from ._keys import check_keys
 from ._typing import Vector
@@ -128,9 +129,9 @@ class Leg(Checked):
 
     def _checked(self, name: str, value: object) -> object:
         if name == "position":
-            if isinstance(value, (str, bytes, set, frozenset, Mapping)):
-                raise TypeError(f"position of a leg is x, y, z, found {type(value).__name__}")
-            numbers = np.asarray(value if hasattr(value, "__array__") else list(value), float)  # type: ignore[call-overload]
+            if isinstance(value, (str, bytes, set, frozenset, Mapping)) or not isinstance(value, Iterable):
+                raise TypeError(f"position of a leg is x, y, z, found {type(value).__name__}: vlscan.Leg((x, y, z), ...)")
+            numbers = reals("position of a leg", value if hasattr(value, "__array__") else list(value))
             if numbers.shape != (3,):
                 raise ValueError(f"position of a leg has the shape {numbers.shape}, expected x, y, z")
             if not np.isfinite(numbers).all():

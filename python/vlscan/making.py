@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from . import _vlscan
+from ._arguments import path_of, suggesting
 from ._libraries import needed
 from ._typing import ArrowStream, PathLike, TableLike
 from .errors import temporary_folder
@@ -54,6 +55,7 @@ class MadeScene:
         return Survey.open(self.survey_file)
 
 
+@suggesting
 def make_scene(
     kind: Literal["forest", "terrain", "room"],
     folder: PathLike,
@@ -111,7 +113,7 @@ def make_scene(
     """
     fields = dict(triangles=triangles, seed=seed, extent=extent, pulses=pulses, separate_trees=separate_trees)
     fields |= dict(models=models, copies=copies, voxels=voxels, force=force)
-    survey, *counts = _vlscan.make_scene(kind, os.fspath(folder), fields)
+    survey, *counts = _vlscan.make_scene(kind, path_of("folder", folder), fields)
     return MadeScene(Path(folder), Path(survey), *counts)
 
 
@@ -199,6 +201,7 @@ class Stand:
             raise IndexError(f"epoch {epoch}, and there are {len(self.trees)}")
 
 
+@suggesting
 def make_stand(
     inventory: TableLike | PathLike,
     trees: PathLike,
@@ -258,7 +261,7 @@ def make_stand(
     fields: dict[str, Any] = dict(terrain=[os.fspath(file) for file in files], terrain_material=terrain_material)
     fields |= dict(seed=seed, epochs=epochs, growth=float(growth), thinning=float(thinning), storm=float(storm), force=force)
     with _inventory_file(inventory) as name:
-        scene, counts, models = _vlscan.make_stand(name, os.fspath(trees), os.fspath(folder), fields)
+        scene, counts, models = _vlscan.make_stand(name, path_of("trees", trees), path_of("folder", folder), fields)
     return Stand(Path(folder), Path(scene), counts, models)
 
 
@@ -329,4 +332,4 @@ def unzip(path: PathLike, to: PathLike, *, force: bool = False) -> int:
     >>> vlscan.unzip("room.bin", "room.txt") == result.point_count
     True
     """
-    return _vlscan.unzip(os.fspath(path), os.fspath(to), force)
+    return _vlscan.unzip(path_of("path", path), path_of("to", to), force)

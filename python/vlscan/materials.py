@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import Any, ClassVar, SupportsFloat
+from typing import TYPE_CHECKING, Any, ClassVar, SupportsFloat
 
 import numpy as np
 
 from . import _vlscan
+from ._arguments import path_of, real, reals, suggesting
 from ._typing import PathLike
 
 
@@ -162,7 +162,7 @@ class Material:
         >>> materials["beech_leaves"].classification
         5
         """
-        name = os.fspath(path)
+        name = path_of("path", path)
         found: dict[str, Material] = {}
         for fields in _vlscan.materials_of_file(name, name.lower().endswith(".obj")):
             found.setdefault(fields["name"], FileMaterial.of_fields(fields))
@@ -178,21 +178,26 @@ class Material:
             if isinstance(value, (float, np.floating)) and value != math.floor(value):
                 raise TypeError(f"{name} of the material {self.name!r} is {value!r}, expected a whole number")
         for name in ("diffuse", "specular"):
-            colour = np.asarray(getattr(self, name), float)
+            colour = reals(f"{name} of the material {self.name!r}", getattr(self, name))
             if colour.shape != (3,) or not np.isfinite(colour).all():
                 raise ValueError(f"{name} of the material {self.name!r} is {getattr(self, name)}, expected three finite numbers")
-        if not math.isfinite(self.specular_exponent):
-            raise ValueError(f"specular_exponent of the material {self.name!r} is {self.specular_exponent}, expected a finite number")
+        exponent = real(f"specular_exponent of the material {self.name!r}", self.specular_exponent)
+        if not 0 <= exponent < math.inf:
+            raise ValueError(f"specular_exponent of the material {self.name!r} is {exponent}, expected a number from 0")
 
     def _check(self, name: str, highest: float, lowest: float = 0) -> None:
         value = getattr(self, name)
         if value is None:
             return
-        if not isinstance(value, SupportsFloat):
+        if not isinstance(value, SupportsFloat) or isinstance(value, (bool, np.bool_, np.ndarray)):
             hint = "; classes are numbers, as in LAS: 2 is ground, 5 high vegetation, 6 building" if name == "classification" else ""
             raise TypeError(f"{name} of the material {self.name!r} is {value!r}, expected a number from {lowest} to {highest}{hint}")
         if not lowest <= float(value) <= highest:
             raise ValueError(f"{name} of the material {self.name!r} is {value}, expected {lowest} to {highest}")
+
+
+if not TYPE_CHECKING:
+    Material.__init__ = suggesting(Material.__init__)
 
 
 class FileMaterial(Material):

@@ -12,12 +12,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _vlscan
-from ._conversions import unmasked
+from ._arguments import array_of, path_of, positive, real, reals, suggesting
 from ._placed import Place, PlacedPart
 from ._point_file import PointFile
 from ._typing import MeshWithFaces, MeshWithTriangles, PathLike
 from ._values import renamed
 from .materials import Material, fields_of
+
+# Modes of voxels.
+_VOXEL_MODES = ("transmittive", "fixed", "scaled")
 
 
 class Part(PlacedPart):
@@ -46,6 +49,7 @@ class Part(PlacedPart):
     """
 
     @staticmethod
+    @suggesting
     def mesh(
         vertices: ArrayLike,
         faces: ArrayLike,
@@ -84,10 +88,10 @@ class Part(PlacedPart):
         >>> leaf, bark = vlscan.Material("leaf"), vlscan.Material("bark")
         >>> part = vlscan.Part.mesh(vertices, [[0, 1, 2], [0, 2, 3]], [leaf, bark], material_of=[0, 1])
         """
-        points = np.asarray(unmasked("vertices", vertices), dtype="<f8")
+        points = reals("vertices", vertices).astype("<f8", copy=False)
         if points.ndim != 2 or points.shape[1] != 3:
             raise ValueError(f"vertices has the shape {points.shape}, expected n by 3")
-        corners = unmasked("faces", faces)
+        corners = array_of("faces", faces)
         if corners.ndim != 2 or corners.shape[1] not in (3, 4):
             raise ValueError(f"faces has the shape {corners.shape}, expected n by 3 or n by 4")
         if corners.size and corners.dtype.kind not in "iu":
@@ -97,7 +101,7 @@ class Part(PlacedPart):
         known = _materials(materials)
         if len(known) > 1 and material_of is None:
             raise ValueError(f"there are {len(known)} materials, expected material_of with the index of the one of each face")
-        index = np.asarray([] if material_of is None else material_of)
+        index = array_of("material_of", [] if material_of is None else material_of)
         if index.size and index.shape != (len(corners),):
             raise ValueError(f"material_of has the shape {index.shape}, expected an index per face, ({len(corners)},)")
         index = _indices("material_of", index, len(known), "materials")
@@ -153,6 +157,7 @@ class Part(PlacedPart):
         return Part.mesh(np.asarray(mesh.vertices), np.asarray(faces), materials, material_of, id)
 
     @staticmethod
+    @suggesting
     def obj(path: PathLike, up: str | None = None, id: str | None = None) -> Part:
         """Make a part of a Wavefront OBJ file and the materials that it names.
 
@@ -173,6 +178,7 @@ class Part(PlacedPart):
         return Part.mesh_file(path, up, id=id)
 
     @staticmethod
+    @suggesting
     def mesh_file(
         path: PathLike,
         up: str | None = None,
@@ -208,10 +214,11 @@ class Part(PlacedPart):
         """
         if up not in (None, "y", "z"):
             raise ValueError(f"up is {up!r}, expected 'y' or 'z'")
-        table = None if materials is None else os.fspath(materials)
-        return Part("of_mesh_file", (os.fspath(path), up, None if unit is None else str(unit), table), Place(id=id))
+        table = None if materials is None else path_of("materials", materials)
+        return Part("of_mesh_file", (path_of("path", path), up, None if unit is None else str(unit), table), Place(id=id))
 
     @staticmethod
+    @suggesting
     def raster(
         path: PathLike | Iterable[PathLike],
         material_file: PathLike | None = None,
@@ -237,8 +244,10 @@ class Part(PlacedPart):
         Part
             The part, which is read when its scene is loaded.
         """
-        paths = [path] if isinstance(path, (str, os.PathLike)) else list(path)
-        return Part("of_raster", ([os.fspath(p) for p in paths], _choice(material_file, material)), Place(id=id))
+        paths = list(path) if isinstance(path, Iterable) and not isinstance(path, (str, bytes, os.PathLike)) else [path]
+        if not paths:
+            raise ValueError("path names no raster")
+        return Part("of_raster", ([path_of("path", each) for each in paths], _choice(material_file, material)), Place(id=id))
 
     @staticmethod
     @renamed(path="source")
@@ -299,12 +308,11 @@ class Part(PlacedPart):
         >>> vlscan.Scene(cloud).primitives
         3
         """
-        if not 0 < float(voxel_size) < math.inf:
-            raise ValueError(f"voxel_size is {voxel_size}, expected metres above 0")
-        is_file = isinstance(source, (str, os.PathLike))
-        path = os.fspath(source) if is_file else PointFile.of(source)  # type: ignore[arg-type]
+        voxel_size = positive("voxel_size", voxel_size, "metres")
+        is_file = isinstance(source, (str, bytes, os.PathLike))
+        path = os.fsdecode(source) if is_file else PointFile.of(source)  # type: ignore[arg-type]
         settings = dict(
-            voxel_size=float(voxel_size),
+            voxel_size=voxel_size,
             separator=separator,
             normal_columns=normal_columns,
             rgb_columns=rgb_columns,
@@ -316,6 +324,7 @@ class Part(PlacedPart):
         return Part("of_points", (path, settings, _choice(material_file, material)), Place(id=id))
 
     @staticmethod
+    @suggesting
     def voxels(
         path: PathLike,
         mode: str = "transmittive",
@@ -355,15 +364,25 @@ class Part(PlacedPart):
         -------
         Part
             The part, which is read when its scene is loaded.
+
+        Raises
+        ------
+        ValueError
+            Another mode, or a negative exponent.
         """
+        if mode not in _VOXEL_MODES:
+            raise ValueError(f"mode is {mode!r}, expected {', '.join(map(repr, _VOXEL_MODES))}")
+        exponent = real("exponent", exponent)
+        if not 0 <= exponent < math.inf:
+            raise ValueError(f"exponent is {exponent:g}, expected a number from 0: a negative one makes cubes larger than their cells")
         settings = dict(
             mode=mode,
-            exponent=float(exponent),
+            exponent=exponent,
             drop_empty=bool(drop_empty),
             random_shift=bool(random_shift),
-            lad_table=None if leaf_angles is None else os.fspath(leaf_angles),
+            lad_table=None if leaf_angles is None else path_of("leaf_angles", leaf_angles),
         )
-        return Part("of_voxels", (os.fspath(path), settings, _choice(material_file, material)), Place(id=id))
+        return Part("of_voxels", (path_of("path", path), settings, _choice(material_file, material)), Place(id=id))
 
     @staticmethod
     def file(path: PathLike, id: str | None = None, **settings: Any) -> Part:
@@ -394,14 +413,15 @@ class Part(PlacedPart):
         >>> vlscan.Scene([vlscan.Part.file("fixtures/forest/beech.obj", up="y")]).primitives > 100
         True
         """
-        extension = os.path.splitext(os.fspath(path))[1].lower()
+        path = path_of("path", path)
+        extension = os.path.splitext(path)[1].lower()
         meshes = (".obj", ".ply", ".stl", ".gltf", ".glb")
         makers: dict[str, Callable[..., Part]] = dict.fromkeys(meshes, Part.mesh_file)
         makers |= {".tif": Part.raster, ".tiff": Part.raster, ".vrt": Part.raster, ".vox": Part.voxels}
         if extension not in makers and os.path.isdir(path):
             return Part.raster(path, id=id, **settings)
         if extension not in makers:
-            raise ValueError(f"{os.fspath(path)}: expected a file that ends in {', '.join(makers)}")
+            raise ValueError(f"{path}: expected a file that ends in {', '.join(makers)}; Part.points() makes voxels of point clouds")
         return makers[extension](path, id=id, **settings)
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _vlscan
+from ._arguments import path_of, reals, suggesting
 from ._libraries import needed, save
 from ._typing import Geometry, PathLike, Progress
 from .errors import temporary_folder, without_folders
@@ -156,7 +157,7 @@ class Plan:
         InputError
             The file exists.
         """
-        save(os.fspath(path), self.text.encode(), force)
+        save(path_of("path", path), self.text.encode(), force)
 
     def __repr__(self) -> str:
         carriers = " on ".join(name.rpartition("#")[2] for name in (self.scanner, self.platform) if name)
@@ -179,7 +180,7 @@ class Plan:
         FileError
             The file cannot be written.
         """
-        _vlscan.write_lines(os.fspath(path), self.lines, (self.platform, self.scanner), self.crs, force)
+        _vlscan.write_lines(path_of("path", path), self.lines, (self.platform, self.scanner), self.crs, force)
 
     def to_geopandas(self) -> geopandas.GeoDataFrame:
         """Return the flight lines, the drive or the positions as a table of geometries.
@@ -201,6 +202,7 @@ class Plan:
         return frame
 
 
+@suggesting
 def plan_airborne(
     scanner: str,
     height: float,
@@ -291,6 +293,7 @@ def plan_airborne(
     return _plan("airborne", dict(locals()))
 
 
+@suggesting
 def plan_terrestrial(
     scanner: str,
     *,
@@ -359,6 +362,7 @@ def plan_terrestrial(
     return _plan("terrestrial", dict(locals()))
 
 
+@suggesting
 def plan_mobile(
     scanner: str,
     along: Area,
@@ -431,7 +435,7 @@ def _plan(kind: str, fields: dict[str, Any]) -> Plan:
     if isinstance(scene, Part):
         scene = Scene(scene)
     if not isinstance(scene, Scene):
-        fields["scene"] = None if scene is None else os.fspath(scene)
+        fields["scene"] = None if scene is None else path_of("scene", scene)
         return _made(_vlscan.plan(kind, fields), None)
     with temporary_folder() as folder:
         # Planned over a packed copy.
@@ -480,7 +484,7 @@ def area_of(area: object) -> str | list[list[float]]:
     text = getattr(area, "wkt", None)
     if isinstance(text, str):
         return text
-    corners = np.asarray(area, float)
+    corners = reals("area", area)
     if corners.ndim != 2 or corners.shape[1] < 2:
         raise ValueError(f"an area has the shape {corners.shape}, expected corners of x and y")
     made: list[list[float]] = corners[:, :2].tolist()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 import io
 import json
 import os
@@ -14,22 +13,22 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from . import _vlscan
+from ._arguments import reals, suggesting
 from ._columns import columns_of
-from ._conversions import colours_of, crs_of_library, normals_of
-from ._libraries import needed, refuse_existing, save
-from ._notebook import picture_html, show_page
-from ._typing import Displayed, PathLike, TableLike, Vector
+from ._conversions import colours_of, crs_of_library, crs_text, normals_of
+from ._libraries import needed
+from ._pictures import DrawnTable
+from ._typing import PathLike, TableLike, Vector
 from ._values import values_of
 from .errors import InputError, temporary_folder, warn
-from .tables import Table
 
 if TYPE_CHECKING:
     import geopandas
     import laspy
     import open3d
 
-# Digits of 32-bit floats: coordinates beyond lose millimetres.
-_LOSSLESS_M = 1e-3 * 2.0**24
+# Coordinates as shorter floats may be wrong by so much.
+_LOSSLESS_M = 1e-3
 
 # Extensions of the formats whose names are none.
 _EXTENSIONS = {"copc": "copc.laz", "ply-ascii": "ply", "raycloud": "ply", "geoparquet": "geo.parquet"}
@@ -42,7 +41,7 @@ _WHOLE: dict[str, np.dtype[np.integer[Any]]] = {
 }
 
 
-class Points(Table):
+class Points(DrawnTable):
     """Points, one per row. :func:`vlscan.columns` lists the columns. Shows itself in a notebook.
 
     ``points[points["Classification"] == 2]`` are some of them, which can be written, drawn and converted as all of them.
@@ -90,7 +89,9 @@ class Points(Table):
         [1.0, 0.0, 2.0]
         """
         given: Any = table
-        crs = crs_of_library(given) if crs is None else crs
+        if isinstance(given, (str, bytes, os.PathLike)):
+            raise TypeError(f"expected a table, found {given!r}; Points.read() reads a file")
+        crs = crs_of_library(given) if crs is None else crs_text(crs)
         points = Points(_vlscan.Table.of_columns(columns_of(given, ("X", "Y", "Z"), keep_types=True), crs))
         missing = [name for name in "XYZ" if name not in points]
         if missing:
@@ -131,6 +132,10 @@ class Points(Table):
             raise TypeError(f"expected Points, found {type(wrong).__name__}; Points.of() converts tables")
         if len({table.crs for table in tables}) > 1:
             raise ValueError("the points have different coordinate reference systems")
+        names = {name for table in tables for name in table.columns}
+        differing = sorted(name for name in names if not all(name in table for table in tables))
+        if differing:
+            raise ValueError(f"the points have different columns: not all have {', '.join(differing)}")
         return Points(_vlscan.Table.concat([table._table for table in tables])) if len(tables) > 1 else tables[0]
 
     @staticmethod
@@ -176,6 +181,7 @@ class Points(Table):
                 shutil.copyfileobj(path, copy)
             return Points(_vlscan.read_points(name))
 
+    @suggesting
     def write(
         self,
         path: PathLike | IO[bytes],
@@ -315,23 +321,31 @@ class Points(Table):
         numpy.ndarray
             The array, m.
 
+        Raises
+        ------
+        TypeError
+            A type without fractions, or an offset that is no numbers.
+
         Examples
         --------
         >>> points = vlscan.run("fixtures/room/survey.xml", seed=1).points
         >>> points.coordinates("float32", offset=points.bounds[0]).min(axis=0).tolist()
         [0.0, 0.0, 0.0]
         """
-        origin = np.zeros(3) if offset is None else np.asarray(offset, float)
+        kind = np.dtype(dtype)
+        if kind.kind != "f":
+            raise TypeError(f"dtype is {kind}, expected a type of floating point, such as float32; others have no fractions of a metre")
+        origin = np.zeros(3) if offset is None else reals("offset", offset)
         if origin.shape != (3,):
             raise ValueError(f"offset has the shape {origin.shape}, expected x, y, z")
-        values = np.empty((len(self), 3), dtype=dtype)
+        values = np.empty((len(self), 3), dtype=kind)
         for axis, name in enumerate("XYZ"):
             values[:, axis] = self[name] - origin[axis] if origin[axis] else self[name]
-        if values.dtype == np.float32 and len(self):
-            reach = max(np.abs(self.bounds - origin).max(), 0.0)
-            if reach > _LOSSLESS_M:
+        if kind.itemsize < 8 and len(self):
+            reach, step = max(np.abs(self.bounds - origin).max(), 0.0), float(np.finfo(kind).eps)
+            if reach * step > 2 * _LOSSLESS_M:
                 warn(
-                    f"32-bit floats resolve {reach * 2.0**-23:.3g} m at coordinates of {reach:.0f} m; "
+                    f"{8 * kind.itemsize}-bit floats resolve {reach * step:.3g} m at coordinates of {reach:.0f} m; "
                     "give coordinates() an offset, such as offset=points.bounds[0]"
                 )
         return values
@@ -422,114 +436,3 @@ class Points(Table):
             return np.full((2, 3), np.nan)
         columns = [self[name] for name in "XYZ"]
         return np.array([[c.min() for c in columns], [c.max() for c in columns]])
-
-    def png(self, colour: str = "height", title: str = "", width: int = 1600, height: int = 1200) -> bytes:
-        """Draw the points from above and from the side.
-
-        Parameters
-        ----------
-        colour : str
-            ``height``, ``class``, ``intensity``, ``object`` or ``return``.
-        title : str
-            A title.
-        width, height : int
-            Size of the picture, pixels.
-
-        Returns
-        -------
-        bytes
-            A PNG file.
-
-        Raises
-        ------
-        ValueError
-            Another colour, or another size than 320 to 16384 by 240 to 16384.
-        """
-        return _vlscan.picture(self._table, colour, title, width, height)
-
-    def html(self, colour: str = "height", title: str = "", max_points: int = 1_000_000) -> str:
-        """Make a page to turn the points around in a browser, offline.
-
-        Parameters
-        ----------
-        colour : str
-            ``height``, ``class``, ``intensity``, ``object`` or ``return``.
-        title : str
-            A title.
-        max_points : int
-            Of more points evenly chosen ones are shown.
-
-        Returns
-        -------
-        str
-            The page.
-        """
-        return _vlscan.page(self._table, colour, title, max_points)
-
-    def show(self, colour: str = "height", title: str = "", max_points: int = 200_000) -> Displayed | None:
-        """Show the points: in a notebook as a view to turn around, otherwise as a page in the browser.
-
-        Parameters
-        ----------
-        colour : str
-            ``height``, ``class``, ``intensity``, ``object`` or ``return``.
-        title : str
-            A title.
-        max_points : int
-            Of more points evenly chosen ones are shown.
-
-        Returns
-        -------
-        IPython.display.HTML or None
-            The view, in a notebook.
-        """
-        return show_page(self.html(colour, title, max_points))
-
-    def save_preview(
-        self, path: PathLike, colour: str = "height", title: str = "", *, width: int = 1600, height: int = 1200, force: bool = False
-    ) -> None:
-        """Write a picture or a page.
-
-        Parameters
-        ----------
-        path : str or path-like
-            The file, ``.png`` or ``.html``.
-        colour : str
-            ``height``, ``class``, ``intensity``, ``object`` or ``return``.
-        title : str
-            A title.
-        width, height : int
-            Size of a picture, pixels.
-        force : bool
-            If set, an existing file is replaced.
-
-        Raises
-        ------
-        ValueError
-            Another extension or colour, or another size than that of :meth:`png`.
-        InputError
-            The file exists.
-
-        Examples
-        --------
-        >>> vlscan.run("fixtures/room/survey.xml", seed=1).points.save_preview("room.png", "intensity", width=800, height=600)
-        """
-        name = os.fspath(path)
-        refuse_existing(name, force)
-        if name.lower().endswith((".html", ".htm")):
-            content = self.html(colour, title).encode()
-        elif name.lower().endswith(".png"):
-            content = self.png(colour, title, width, height)
-        else:
-            raise ValueError(f"{name}: expected a name that ends in .png or .html")
-        save(name, content, force)
-
-    def _small_png(self, width: int, height: int) -> bytes:
-        """Draw the points with sixteen colours."""
-        return _vlscan.picture(self._table, "height", "", width, height, True)
-
-    def _repr_html_(self) -> str:
-        about = html.escape(f"{len(self):,} points: {', '.join(self.columns)}")
-        if not len(self) or not {"X", "Y", "Z"} <= set(self.columns):
-            return f"<div>{about}</div>"
-        return picture_html(self._small_png, about)

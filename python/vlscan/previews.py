@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 
 from . import _vlscan
+from ._arguments import path_of, suggesting
 from ._notebook import show_page
 from ._typing import Displayed, PathLike
 from ._values import renamed
@@ -18,6 +19,7 @@ _SCENE_POINTS = 200_000
 
 
 @renamed(most_points="max_points")
+@suggesting
 def preview(
     source: Points | Survey | Scene | Part | PathLike,
     path: PathLike | None = None,
@@ -77,12 +79,13 @@ def preview(
     """
     kind = "html"
     if path is not None:
-        ending = os.path.splitext(os.fspath(path))[1].lower()
+        path = path_of("path", path)
+        ending = os.path.splitext(path)[1].lower()
         if ending not in (".png", ".html", ".htm"):
-            raise ValueError(f"{os.fspath(path)}: expected a name that ends in .png or .html")
+            raise ValueError(f"{path}: expected a name that ends in .png or .html")
         kind = "png" if ending == ".png" else "html"
         if os.path.exists(path) and not force:
-            raise FileExistsError(f"{os.fspath(path)} exists already; force=True replaces it")
+            raise FileExistsError(f"{path} exists already; force=True replaces it")
     content = _drawn(source, kind, pulse, colour, title, light, width, height, max_points)
     if path is None:
         return show_page(content.decode())
@@ -112,7 +115,7 @@ def _drawn(
         chosen, name = colour or "height", title or ""
         page = source.html(chosen, name, max_points) if kind == "html" else ""
         return page.encode() if page else source.png(chosen, name, width, height)
-    file = None if isinstance(source, Survey) else os.fspath(source)
+    file = None if isinstance(source, Survey) else path_of("source", source)
     survey = source if isinstance(source, Survey) else Survey.open(source) if file is not None and _holds_survey(file) else None
     is_survey = survey is not None and pulse is None
     request = survey._request({}) if survey is not None and is_survey else None

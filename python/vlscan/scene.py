@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _toml, _vlscan
-from ._conversions import unmasked
+from ._arguments import real, reals, whole
 from ._libraries import refuse_existing
 from ._notebook import picture_html, show_page
 from ._typing import Displayed, PathLike, SceneFacts
@@ -277,7 +277,7 @@ class Scene:
         2.0
         """
         self._facts()
-        return self._scene.ground_height(float(x), float(y))
+        return self._scene.ground_height(real("x", x), real("y", y))
 
     def cast(self, origins: ArrayLike, directions: ArrayLike) -> RayHits:
         """Return the first hits of rays, without an instrument. Loads the scene. :func:`vlscan.trace` measures with one.
@@ -378,7 +378,7 @@ class Scene:
             The points.
         """
         self._facts()
-        return Points(_present(self._scene.sample(count)))
+        return Points(_present(self._scene.sample(whole("count", count, 0))))
 
     def show(self, colour: str = "height", max_points: int = 200_000) -> Displayed | None:
         """Show the scene as points on its surfaces: in a notebook as a view to turn around, otherwise in the browser.
@@ -433,8 +433,7 @@ def rays_of(origins: ArrayLike, directions: ArrayLike) -> tuple[NDArray[np.float
     ValueError
         Arrays of another shape, or masked values.
     """
-    given = (unmasked("origins", origins), unmasked("directions", directions))
-    starts, ways = (np.atleast_2d(np.asarray(rays, float)) for rays in given)
+    starts, ways = (np.atleast_2d(reals(name, rays)) for name, rays in (("origins", origins), ("directions", directions)))
     try:
         starts, ways = np.broadcast_arrays(starts, ways)
         fits = ways.ndim == 2 and ways.shape[1] == 3
@@ -455,6 +454,8 @@ def _parts(source: object) -> list[Part]:
         raise TypeError(f"a scene is a file or made of parts, found {type(source).__name__}; {advice}")
     parts = list(source)
     wrong = next((part for part in parts if not isinstance(part, Part)), None)
+    if isinstance(wrong, (str, os.PathLike)):
+        raise TypeError(f"a scene of several parts has {wrong!r}, expected Part; Part.file() makes one of a file")
     if wrong is not None:
         raise TypeError(f"a scene is made of parts, found {type(wrong).__name__}; {advice}")
     return parts

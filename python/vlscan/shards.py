@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from . import _vlscan
+from ._arguments import path_of, whole
 from ._libraries import shown_progress
 from ._typing import PathLike, Progress
 from ._values import recorded, values_of
@@ -67,11 +67,12 @@ def run_shard(
     >>> vlscan.merge_shards("shards", to="merged.laz").files
     ['merged.laz']
     """
-    if not 0 <= number < of:
+    number, of = whole("number", number, 0), whole("of", of, 1)
+    if number >= of:
         raise ValueError(f"shard {number} of {of}, expected a number from 0 to {of - 1}")
     request, force = _divided(survey, options, waveforms, pulses, run_shard)
     with shown_progress(progress) as tell:
-        path, _ = _vlscan.run_shard(request, os.fspath(folder), (number, of), resume, force, tell)
+        path, _ = _vlscan.run_shard(request, path_of("folder", folder), (number, of), resume, force, tell)
     return Path(path)
 
 
@@ -103,7 +104,7 @@ def index_shards(survey: Survey | PathLike, folder: PathLike, **options: Unpack[
     True
     """
     request, force = _divided(survey, options, None, None, index_shards)
-    _, pulses = _vlscan.run_shard(request, os.fspath(folder), None, False, force)
+    _, pulses = _vlscan.run_shard(request, path_of("folder", folder), None, False, force)
     return pulses
 
 
@@ -145,7 +146,7 @@ def merge_shards(
     """
     values, tables = recorded(to, waveforms, pulses, options, merge_shards)
     with shown_progress(progress) as tell:
-        outcome = _vlscan.merge_shards(os.fspath(folder), values, tables, False, tell)
+        outcome = _vlscan.merge_shards(path_of("folder", folder), values, tables, False, tell)
     if outcome is None:
         raise RuntimeError("the shards were checked instead of merged")
     return Result(outcome)
@@ -164,7 +165,7 @@ def check_shards(folder: PathLike) -> None:
     InputError
         Shards are missing, damaged, or of another run; all of them are named.
     """
-    _vlscan.merge_shards(os.fspath(folder), {}, [], True)
+    _vlscan.merge_shards(path_of("folder", folder), {}, [], True)
 
 
 def _divided(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import operator
 from collections.abc import Iterable, Mapping
 from functools import partial
 from typing import TYPE_CHECKING
@@ -11,12 +10,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from . import _vlscan
+from ._arguments import positive, reals, truth, whole
 from ._columns import columns_of
-from ._conversions import unmasked
-from ._description import TRAJECTORY_COLUMNS, SurveyArguments, SurveyDescription
+from ._description import TRAJECTORY_COLUMNS, SurveyArguments
+from ._flights import FlownSurvey
 from ._libraries import shown_progress
 from ._typing import PathLike, Progress, TableLike
-from ._values import recorded, values_of
+from ._values import recorded
 from .forecast import DryRun
 from .instruments import Scanner
 from .parts import Part
@@ -43,7 +43,7 @@ __all__ = [
 ]
 
 
-class Survey(SurveyDescription):
+class Survey(FlownSurvey):
     """A scanner that legs or a trajectory carry through a scene.
 
     Parameters
@@ -138,105 +138,6 @@ class Survey(SurveyDescription):
         with shown_progress(progress) as tell:
             return Result(_vlscan.run(self._flight(values), tables, tell))
 
-    def dry_run(self, to: PathLike | Iterable[PathLike] | None = None, **options: Unpack[RunOptions]) -> DryRun:
-        """Estimate what a run will cost and give: pulses, points, density, spacing, sizes of files, memory, time, what it misses.
-
-        Legs and pulses are counted or, of long flights, computed; the rest comes from a sample that is measured.
-
-        Parameters
-        ----------
-        to : str, path-like or iterable of them, optional
-            Files whose sizes are estimated; none is written.
-        **options : RunOptions
-            As for :meth:`run`.
-
-        Returns
-        -------
-        DryRun
-            The estimates.
-
-        Raises
-        ------
-        InputError
-            Input is invalid.
-
-        Examples
-        --------
-        >>> forecast = vlscan.Survey.open("fixtures/room/survey.xml").dry_run(to="room.laz")
-        >>> len(forecast.legs), forecast.files[0].name
-        (2, 'room.laz')
-        """
-        values, _ = recorded(to, None, None, options, Survey.dry_run)
-        return DryRun.of(_vlscan.dry_run(self._flight(values)))
-
-    def fly_trajectory(self, interval: float | None = None, *, true: bool = False, **options: Unpack[RunOptions]) -> Table:
-        """Fly the survey without measuring, and return the poses of the platform.
-
-        Parameters
-        ----------
-        interval : float, optional
-            Time from pose to pose, s; by default that of the survey, else 0.05.
-        true : bool
-            True if the poses are without errors of navigation.
-        **options : RunOptions
-            As for :meth:`run`.
-
-        Returns
-        -------
-        Table
-            Columns time (s), x, y, z (m), roll, pitch, yaw (degrees), which :class:`Survey` takes as trajectory.
-
-        Raises
-        ------
-        InputError
-            Input is invalid.
-        TypeError
-            The interval is a text.
-        ValueError
-            The interval is not above 0.
-
-        Examples
-        --------
-        >>> poses = vlscan.Survey.open("fixtures/terrain/survey.xml").fly_trajectory(interval=0.5)
-        >>> poses.columns
-        ['time', 'x', 'y', 'z', 'roll', 'pitch', 'yaw']
-        """
-        given: object = interval
-        if isinstance(given, str):
-            raise TypeError(f"interval is {given!r}, expected a number of seconds")
-        if interval is not None and not 0 < interval < float("inf"):
-            raise ValueError(f"interval is {interval}, expected seconds above 0")
-        values = values_of(options, Survey.fly_trajectory, writes_files=False)
-        return Table(_vlscan.fly(self._flight(values), "poses", interval, true))
-
-    def fly_pulses(self, **options: Unpack[RunOptions]) -> Table:
-        """Fly the survey without measuring, and return its pulses.
-
-        Parameters
-        ----------
-        **options : RunOptions
-            As for :meth:`run`.
-
-        Returns
-        -------
-        Table
-            The columns of ``vlscan pulses``, which :func:`trace` takes: times (s), origins, directions and others.
-
-        Raises
-        ------
-        InputError
-            Input is invalid.
-
-        Examples
-        --------
-        >>> pulses = vlscan.Survey.open("fixtures/room/survey.xml").fly_pulses(seed=1)
-        >>> traced = vlscan.trace("fixtures/room/scene.xml", pulses=pulses, scanner="riegl_vz400", seed=1)
-        >>> traced.point_count > 1000
-        True
-        """
-        values = values_of(options, Survey.fly_pulses, writes_files=False)
-        return Table(_vlscan.fly(self._flight(values), "pulses", None, False))
-
     def run_batches(
         self,
         rows: int = 1_000_000,
@@ -292,17 +193,13 @@ class Survey(SurveyDescription):
         True
         """
         values, tables = recorded(to, waveforms, pulses, options, Survey.run_batches)
-        if isinstance(rows, bool) or (seconds is not None and isinstance(seconds, (str, bool))):
-            raise TypeError(f"rows and seconds are numbers, found {rows!r} and {seconds!r}")
-        if seconds is not None and not 0 < seconds < float("inf"):
-            raise ValueError(f"seconds is {seconds}, expected more than 0")
-        if not hasattr(rows, "__index__"):
-            raise TypeError(f"rows is {rows!r}, expected a whole number")
-        count = min(operator.index(rows), 2**62)
-        if count < 1:
-            raise ValueError(f"rows is {count}, expected at least 1")
+        count = min(whole("rows", rows, 1), 2**62)
+        seconds = None if seconds is None else positive("seconds", seconds, "seconds")
+        per_leg = truth("per_leg", per_leg)
         beside = [table for table in tables if table != "points"]
         chosen = None if batch_columns is None else [batch_columns] if isinstance(batch_columns, str) else list(batch_columns)
+        if chosen == []:
+            raise ValueError("batch_columns names no column; leave it out for those of the option columns")
         return Batches(partial(_vlscan.run_batches, self._flight(values), count, per_leg, seconds, 2, beside, chosen))
 
 
@@ -519,9 +416,7 @@ def trace(
         columns: dict[str, ArrayLike] = {name: starts[:, axis] for axis, name in enumerate("xyz")}
         columns |= {f"d{name}": ends[:, axis] for axis, name in enumerate("xyz")}
         if time is not None:
-            if np.asarray(time).dtype.kind in "mM":
-                raise TypeError("time holds calendar times or durations, expected seconds")
-            times = np.asarray(unmasked("time", time), float)
+            times = reals("time", time)
             if times.shape not in ((), (1,), (len(ends),)):
                 raise ValueError(f"time has the shape {times.shape}, expected one number or {len(ends)}")
             columns["time"] = np.broadcast_to(times, len(ends))

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from vlscan.helios.scene import Material
 
-from conftest import ROOT
+import vlscan
+from conftest import FIXTURES, ROOT
 from vlscan import VlscanWarning, helios
 
 SQUARE = [[-20, -20, 0], [20, -20, 0], [20, 20, 0], [-20, 20, 0]]
@@ -236,3 +237,47 @@ def test_names_of_the_engine_and_of_serialization_can_be_imported():
         names["to_yaml"](3)
     with pytest.raises(ImportError):
         exec("from _helios import Scanner")
+
+
+def test_groups_of_parameters_are_lists_of_lists():
+    for groups in (["x", "y"], ["xx"], "xy"):
+        with pytest.raises(TypeError, match=r"expected lists of names, such as groups=\[\['x', 'y'\]\]"):
+            helios.combine_parameters(groups=groups, x=[1, 2], y=[3, 4])
+
+
+def test_names_of_columns_of_flights_that_contradict_are_warned_of(tmp_path):
+    file = tmp_path / "flight.csv"
+    file.write_text("time[s],x[m],y[m],z[m],roll[deg],pitch[deg],Heading[deg]\n0,1,2,3,0,0,90\n1,2,2,3,0,0,90\n")
+    with pytest.warns(vlscan.VlscanWarning, match="rollIndex=4, pitchIndex=5, yawIndex=6, xIndex=1, yIndex=2, zIndex=3"):
+        helios.load_traj_csv(file)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        poses = helios.load_traj_csv(file, rollIndex=4, pitchIndex=5, yawIndex=6, xIndex=1, yIndex=2, zIndex=3)
+        assert poses["x"].tolist() == [1, 2]
+        file.write_text("Time,Roll,Pitch,Yaw,Easting,Northing,Height\n0,0,0,90,1,2,3\n1,0,0,90,2,2,3\n")
+        assert helios.load_traj_csv(file)["x"].tolist() == [1, 2]
+
+
+def test_arrays_that_are_no_numbers_are_refused():
+    for wrong in (np.zeros((3, 3), complex), [["a", "b", "c"]], np.zeros((3, 3), "M8[s]")):
+        with pytest.raises(TypeError, match="points"):
+            helios.ScenePart.from_numpy_array(wrong, 1)
+    with pytest.raises(ValueError, match="exponent is -1"):
+        helios.ScenePart.from_vox(FIXTURES / "voxels/crown.vox", "scaled", -1)
+
+
+def test_warnings_are_of_the_line_of_the_program():
+    with pytest.warns(vlscan.VlscanWarning, match="reflectance") as found:
+        helios.Material(reflectance=3)
+    assert found[0].filename == __file__
+
+
+def test_names_that_are_unknown_have_a_suggestion():
+    with pytest.raises(ValueError, match="has no field 'pulse_freq'; did you mean pulse_frequency"):
+        helios.ScannerSettings().update_from_dict({"pulse_freq": 3})
+    with pytest.raises(ValueError, match="the id or tag 'tls_polygn'; did you mean 'tls_polygon'"):
+        helios.display_xml(FIXTURES / "room/scanners.xml", "tls_polygn")
+    with pytest.raises(TypeError, match="expected a file or a survey, found 3"):
+        helios.display_xml(3)
+    with pytest.raises(ValueError, match="0 parts with the id 99, expected one; there are 0, 1, 2, 3, 4"):
+        helios.ScenePart.from_xml(FIXTURES / "room/scene.xml", 99)

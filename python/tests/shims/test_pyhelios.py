@@ -1,5 +1,6 @@
 """The ``SimulationBuilder`` of HELIOS++ 2."""
 
+import math
 import os
 import re
 import shutil
@@ -15,6 +16,7 @@ import pytest
 import vlscan
 from conftest import FIXTURES
 from vlscan import pyhelios
+from vlscan.pyhelios.__main__ import helios_exec
 
 
 def test_it_needs_no_pint():
@@ -39,9 +41,14 @@ def test_the_simulation_builder_of_version_2(tmp_path):
     assert os.path.isfile(output.filepath) and output.filepath.startswith(str(tmp_path)) and os.path.isdir(output.folder)
 
 
+def builder_of(tmp_path):
+    """Return a builder of the room."""
+    return pyhelios.SimulationBuilder(str(FIXTURES / "room/survey.xml"), [str(FIXTURES / "room")], str(tmp_path))
+
+
 def simulation(tmp_path, change=lambda builder: None):
     """Return a simulation of the room in memory."""
-    builder = pyhelios.SimulationBuilder(str(FIXTURES / "room/survey.xml"), [str(FIXTURES / "room")], str(tmp_path))
+    builder = builder_of(tmp_path)
     builder.setExportToFile(False).setSeed(7)
     change(builder)
     return builder.build()
@@ -336,3 +343,41 @@ def test_ctrl_c_ends_a_simulation_of_version_2(tmp_path):
     process.send_signal(signal.SIGINT)
     rest, _ = process.communicate(timeout=60)
     assert process.returncode == 0 and rest.startswith("interrupted False True")
+
+
+def test_filters_are_checked_at_once(tmp_path):
+    builder = builder_of(tmp_path)
+    for wrong, message in (
+        (lambda: builder.addRotateFilter(0, 0, 0, 0), "q0, q1, q2, q3 are .*not all 0"),
+        (lambda: builder.addRotateFilter(math.nan, 0, 0, 0), "q0 is nan"),
+        (lambda: builder.addTranslateFilter(0, math.inf, 0), "y is inf"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            wrong()
+    with pytest.raises(TypeError, match="x is 'a', expected a number"):
+        builder.addTranslateFilter("a", 0, 0)
+
+
+def test_records_are_read_only_and_their_indices_are_checked(tmp_path):
+    run = simulation(tmp_path)
+    run.start()
+    measurements = run.join().measurements
+    with pytest.raises(IndexError, match="index of a record is 1000000, and there are"):
+        measurements[1_000_000]
+    with pytest.raises(TypeError, match=r"an index of records is 1.5"):
+        measurements[1.5]
+    with pytest.raises(AttributeError, match=r"cannot be changed; outputToNumpy\(\)"):
+        measurements[0].intensity = 3
+    assert repr(measurements[-1]) == repr(measurements[len(measurements) - 1])
+
+
+def test_calls_of_other_kinds_name_what_to_call(tmp_path):
+    with pytest.raises(TypeError, match=r"SimulationBuilder\(surveyPath, assetsDir, outputDir\).build\(\)"):
+        pyhelios.Simulation("survey.xml", "assets/", "output/", 0, True)
+    for wrong, message in (((3,), "surveyPath is 3"), (("a.xml", [3]), r"assetsDir has 3"), (("a.xml", "b", None), "outputDir is None")):
+        with pytest.raises(TypeError, match=message):
+            pyhelios.SimulationBuilder(*wrong)
+    with pytest.raises(TypeError, match="numThreads is True"):
+        builder_of(tmp_path).setNumThreads(True)
+    with pytest.raises(TypeError, match=r"shlex.split\(\)"):
+        helios_exec("survey.xml --lasOutput")

@@ -20,7 +20,14 @@ def helios_exec(args: Sequence[str]) -> int:
     -------
     int
         The exit status.
+
+    Raises
+    ------
+    TypeError
+        The arguments are one text.
     """
+    if isinstance(args, str):
+        raise TypeError(f"args is {args!r}, expected a list of arguments; shlex.split() makes one of a command line")
     return main([str(word) for word in args])
 
 

@@ -37,7 +37,7 @@ def _truth(name: str, value: object) -> bool:
 
 
 def _count(name: str, value: int, lowest: int) -> int:
-    if not hasattr(value, "__index__"):
+    if isinstance(value, (bool, np.bool_)) or not hasattr(value, "__index__"):
         raise TypeError(f"{name} is {value!r}, expected a whole number")
     number = operator.index(value)
     if number < lowest:
@@ -52,11 +52,25 @@ def _real(name: str, value: float) -> float:
         raise TypeError(f"{name} is {value!r}, expected a number") from None
 
 
+def _finite(name: str, value: float) -> float:
+    number = _real(name, value)
+    if not math.isfinite(number):
+        raise ValueError(f"{name} is {number}, expected a finite number")
+    return number
+
+
+def _path(name: str, value: _Path) -> str:
+    if not isinstance(value, (str, os.PathLike)):
+        raise TypeError(f"{name} is {value!r}, expected a path")
+    return os.fspath(value)
+
+
 class SimulationBuilder:
     """Collects what a simulation needs; every setter returns the builder."""
 
     def __init__(self, surveyPath: _Path, assetsDir: _Path | Iterable[_Path] = (), outputDir: _Path = "output") -> None:
-        self._survey, self._assets, self._output = os.fspath(surveyPath), folders(assetsDir), os.fspath(outputDir)
+        self._survey, self._output = _path("surveyPath", surveyPath), _path("outputDir", outputDir)
+        self._assets = folders(assetsDir)
         self._options: dict[str, object] = {}
         self._recorded: dict[str, bool] = {}
         self._filters: list[tuple[str, Callable[[ScenePart], object]]] = []
@@ -88,7 +102,7 @@ class SimulationBuilder:
 
     def setSurveyPath(self, surveyPath: _Path) -> SimulationBuilder:
         """Set the survey."""
-        self._survey = os.fspath(surveyPath)
+        self._survey = _path("surveyPath", surveyPath)
         return self
 
     def setAssetsDir(self, assetsDir: _Path | Iterable[_Path]) -> SimulationBuilder:
@@ -98,7 +112,7 @@ class SimulationBuilder:
 
     def setOutputDir(self, outputDir: _Path) -> SimulationBuilder:
         """Set the folder of results."""
-        self._output = os.fspath(outputDir)
+        self._output = _path("outputDir", outputDir)
         return self
 
     def setExportToFile(self, exportToFile: bool) -> SimulationBuilder:
@@ -113,7 +127,7 @@ class SimulationBuilder:
     def setKDTFactory(self, kdtFactory: int) -> SimulationBuilder:
         """Set the tree: 1 median, 2 SAH, 3 SAH with the best axis, 4 fast SAH. The points are the same."""
         if kdtFactory not in _TREES:
-            raise ValueError(f"kdtFactory is {kdtFactory}, expected 1 to 4")
+            raise ValueError(f"kdtFactory is {kdtFactory!r}, expected 1 to 4")
         return self._set("tree", _TREES[kdtFactory])
 
     def setKDTType(self, kdtType: int) -> SimulationBuilder:
@@ -135,7 +149,7 @@ class SimulationBuilder:
     def setParallelizationStrategy(self, parallelizationStrategy: int) -> SimulationBuilder:
         """Set how pulses are handed out to threads: 0 chunks, 1 warehouse. The points are the same."""
         if parallelizationStrategy not in _SCHEDULES:
-            raise ValueError(f"parallelizationStrategy is {parallelizationStrategy}, expected 0 or 1")
+            raise ValueError(f"parallelizationStrategy is {parallelizationStrategy!r}, expected 0 or 1")
         return self._set("schedule", _SCHEDULES[parallelizationStrategy])
 
     def setChunkSize(self, chunkSize: int) -> SimulationBuilder:
@@ -233,7 +247,9 @@ class SimulationBuilder:
 
     def addRotateFilter(self, q0: float, q1: float, q2: float, q3: float, partId: str = "") -> SimulationBuilder:
         """Turn a part by a quaternion (w, x, y, z), or all parts without an id."""
-        quaternion = (float(q0), float(q1), float(q2), float(q3))
+        quaternion = tuple(_finite(f"q{index}", value) for index, value in enumerate((q0, q1, q2, q3)))
+        if not any(quaternion):
+            raise ValueError(f"q0, q1, q2, q3 are {quaternion}, expected w, x, y, z that are not all 0")
         self._filters.append((str(partId), lambda part: part.rotate(quaternion=quaternion)))
         return self
 
@@ -247,7 +263,7 @@ class SimulationBuilder:
 
     def addTranslateFilter(self, x: float, y: float, z: float, partId: str = "") -> SimulationBuilder:
         """Move a part (m), or all parts without an id."""
-        offset = (float(x), float(y), float(z))
+        offset = (_finite("x", x), _finite("y", y), _finite("z", z))
         self._filters.append((str(partId), lambda part: part.translate(offset)))
         return self
 

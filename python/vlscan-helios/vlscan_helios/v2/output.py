@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 import os
 from bisect import bisect_right
 from collections.abc import Callable, Iterator, Sequence
@@ -52,8 +53,14 @@ class _Record:
     _VECTORS: dict[str, tuple[str, str, str]] = {}
     _NUMBERS: dict[str, str] = {}
 
+    __slots__ = ("_row", "_table")
+
     def __init__(self, table: Table, row: int) -> None:
-        self._table, self._row = table, row
+        object.__setattr__(self, "_table", table)
+        object.__setattr__(self, "_row", row)
+
+    def __setattr__(self, name: str, value: object) -> None:
+        raise AttributeError(f"a {type(self).__name__.lower()} cannot be changed; outputToNumpy() returns arrays, which can")
 
     def _value(self, column: str) -> Any:
         return self._table[column][self._row].item()
@@ -123,9 +130,17 @@ class Records(Sequence[_R]):
     def __getitem__(self, key: int | slice) -> _R | list[_R]:
         if isinstance(key, slice):
             return [self[row] for row in range(len(self))[key]]
-        row = range(len(self))[key]
+        row = self._row(key)
         part = bisect_right(self._ends, row)
         return self._kind(self._tables[part], row - (self._ends[part - 1] if part else 0))
+
+    def _row(self, key: int) -> int:
+        if not hasattr(key, "__index__"):
+            raise TypeError(f"an index of records is {key!r}, expected a whole number or a slice")
+        row, count = operator.index(key), len(self)
+        if not -count <= row < count:
+            raise IndexError(f"index of a record is {row}, and there are {count} records")
+        return row % count
 
     def __iter__(self) -> Iterator[_R]:
         for table in self._tables:

@@ -55,7 +55,9 @@ class Simulation:
         Survey, options and callback of the simulation.
     """
 
-    def __init__(self, recipe: Recipe) -> None:
+    def __init__(self, recipe: Recipe, *others: object, **named: object) -> None:
+        if others or named or not isinstance(recipe, Recipe):
+            raise TypeError("simulations are made by a builder: SimulationBuilder(surveyPath, assetsDir, outputDir).build()")
         self._recipe = recipe
         self._model: Model | None = None
         self._as_read: tuple[Leg, ...] = ()
@@ -243,4 +245,8 @@ def folders(paths: str | os.PathLike[str] | Iterable[str | os.PathLike[str]]) ->
     """Return folders as a list; one may stand alone."""
     if not isinstance(paths, (str, os.PathLike, Iterable)):
         raise TypeError(f"expected a folder, or several, found {paths!r}")
-    return [os.fspath(path) for path in ([paths] if isinstance(paths, (str, os.PathLike)) else paths)]
+    found = [paths] if isinstance(paths, (str, os.PathLike)) else list(paths)
+    for path in found:
+        if not isinstance(path, (str, os.PathLike)):
+            raise TypeError(f"assetsDir has {path!r}, expected folders")
+    return [os.fspath(path) for path in found]

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import re
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
@@ -348,6 +350,8 @@ def load_traj_csv(
 ) -> Any:
     """Read a trajectory of text. Lines that begin with ``#``, and a first line of names, are passed over.
 
+    Names that contradict the columns are warned of: ``time,x,y,z,roll,pitch,yaw`` needs ``rollIndex=4`` and so on.
+
     Parameters
     ----------
     csv : str or path-like
@@ -374,8 +378,7 @@ def load_traj_csv(
     separator = None if trajectory_separator == " " else trajectory_separator
     with open(existing_file(csv), encoding="utf-8-sig") as file:
         lines = [line for line in file if line.strip() and not line.lstrip().startswith("#")]
-    if lines and not any(map(_is_number, lines[0].split(separator))):
-        del lines[0]
+    names = lines.pop(0).split(separator) if lines and not any(map(_is_number, lines[0].split(separator))) else []
     if not lines:
         raise ValueError(f"{os.fspath(csv)} has no poses")
     try:
@@ -387,11 +390,24 @@ def load_traj_csv(
         raise ValueError(f"columns of a trajectory are {indices}, expected another one for each")
     if max(indices.values()) >= numbers.shape[1]:
         raise ValueError(f"{os.fspath(csv)} has {numbers.shape[1]} columns, expected at least {max(indices.values()) + 1}")
+    _compare_names(os.fspath(csv), names, indices)
     poses = np.empty(len(numbers), dtype=traj_csv_dtype)
     for name, index in indices.items():
         values = numbers[:, index]
         poses[name] = np.radians(values) if name in _ANGLES and not rpy_in_radians else values
     return poses
+
+
+def _compare_names(file: str, names: Sequence[str], indices: Mapping[str, int]) -> None:
+    """Warn of columns whose names in the first line of a file are those of other ones."""
+    # Without units: "x[m]", "roll (deg)".
+    plain = [re.sub(r"[\[(].*", "", name).strip().strip('"').lower() for name in names]
+    known = {"time": "t", "heading": "yaw"}
+    there = {known.get(name, name): index for index, name in enumerate(plain)}
+    wrong = {name: there[name] for name, index in indices.items() if there.get(name, index) != index}
+    if wrong:
+        advice = ", ".join(f"{name}Index={index}" for name, index in wrong.items())
+        warn(f"{file}: the names in its first line are those of other columns than the ones that are read; give {advice}")
 
 
 def _is_number(word: str) -> bool:

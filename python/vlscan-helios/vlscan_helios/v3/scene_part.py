@@ -308,7 +308,7 @@ class ScenePart(PlacedPart):
         """
         if np.ma.is_masked(points):
             raise ValueError("points has masked values; leave these rows out")
-        rows = np.asarray(points, dtype=np.float64)
+        rows = np.asarray(points)
         if rows.ndim != 2 or rows.shape[1] < 3 or not len(rows):
             raise ValueError(f"points has the shape {rows.shape}, expected n by 3 or more")
         normals = _columns("normals_file_columns", normals_file_columns, False, rows.shape[1])
@@ -418,9 +418,11 @@ class ScenePart(PlacedPart):
         """
         file, mark, scene_id = os.fspath(scene_part_file).partition("#")
         scene = Scene(f"{existing_file(file)}{mark}{scene_id}", engine_directories())
-        found = [cls.of_scene(part, file) for part in scene.read_parts() if part.id == str(id)]
+        parts = scene.read_parts()
+        found = [cls.of_scene(part, file) for part in parts if part.id == str(id)]
         if len(found) != 1:
-            raise ValueError(f"{os.fspath(scene_part_file)} has {len(found)} parts with the id {id}, expected one")
+            known = ", ".join(str(part.id) for part in parts)
+            raise ValueError(f"{os.fspath(scene_part_file)} has {len(found)} parts with the id {id}, expected one; there are {known}")
         found[0].known_part()
         return found[0]
 

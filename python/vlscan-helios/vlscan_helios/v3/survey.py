@@ -13,17 +13,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import AfterValidator, Field, PrivateAttr
 
-from vlscan import Result
 from vlscan import Survey as EngineSurvey
 from vlscan.errors import warn
 from vlscan.places import asset_folders, place_of, working_folder
 
 from . import survey_xml, xml_files
-from .callbacks import HookDispatcher, HookPayload, RunFacts, SurveyHook, build_progressbar_callbacks
+from .callbacks import SurveyHook, build_progressbar_callbacks
 from .errors import WrongTypeError, engine_errors, engine_warnings
 from .leg import Leg, flown_part, make_leg
 from .platforms import Platform, PlatformSettingsBase, TrajectorySettings
-from .records import COLUMNS, laspy_data, point_records, pose_records
+from .runs import WEEK, Run, check_output, is_folder
 from .scanner import Scanner, ScannerSettingsBase
 from .scene import StaticScene
 from .settings import (
@@ -46,11 +45,8 @@ if TYPE_CHECKING:
 # Trees by the number of the factory.
 _TREES = {1: "median", 2: "sah", 3: "axis-sah", 4: "fsah"}
 
-# Points of a batch that hooks are given.
-_BATCH_ROWS = 200_000
-
 # Zero of the clock of GPS, s after that of POSIX, as HELIOS++ counts.
-_GPS_EPOCH, _WEEK = 315_964_809, 604_800
+_GPS_EPOCH = 315_964_809
 
 
 def _zoned(time: datetime) -> datetime:
@@ -240,7 +236,7 @@ class Survey(Model):
         if callbacks is not None and not is_real_iterable(callbacks):
             raise WrongTypeError(f"callbacks is a list of SurveyHook, found {type(callbacks).__name__}")
         hooks = [SurveyHook.model_validate(hook) for hook in callbacks or ()]
-        _check_output(output, {*for_output, *(output_settings.model_fields_set if output_settings is not None else ())})
+        check_output(output, {*for_output, *(output_settings.model_fields_set if output_settings is not None else ())})
         if execution.log_file or execution.log_file_only:
             warn("log_file has no effect; notes go to the logger 'vlscan', which logging.FileHandler writes to a file")
         self.check_legs()
@@ -250,7 +246,7 @@ class Survey(Model):
         fields = None if self._document is not None and self._is_as_read() else survey_xml.FIELDS
         try:
             with engine_warnings(is_silent, fields), engine_errors(fields):
-                run = _Run(self, self.engine(), self._options(execution, output), output)
+                run = Run(self, self.engine(), self._options(execution, output), output)
                 return run.with_hooks([*hooks, *bar_hooks]) if hooks or bar_hooks else run.plain()
         finally:
             if bars is not None:
@@ -355,7 +351,7 @@ class Survey(Model):
             "assets": _folders(self._document, self._folder),
         }
         options = {name: value for name, value in options.items() if value is not None}
-        if _is_folder(output):
+        if is_folder(output):
             options["las_output"], options["zip_output"] = output.format != OutputFormat.XYZ, output.format == OutputFormat.LAZ
             options["las_scale"] = output.las_scale if "las_scale" in output.model_fields_set else None
             options["split_by_channel"] = output.split_by_channel
@@ -370,7 +366,7 @@ class Survey(Model):
         float
             The time.
         """
-        return (self.gps_time.timestamp() - _GPS_EPOCH) % _WEEK
+        return (self.gps_time.timestamp() - _GPS_EPOCH) % WEEK
 
     def durations(self) -> list[float]:
         """Return how long legs take, s: as long as the head turns, or as the way to the next leg takes; NaN where neither is known.
@@ -421,89 +417,3 @@ def _folders(document: Document | None, folder: str = "") -> list[str | Path]:
     if document is not None:
         found += [Path("assets"), Path(place_of(os.fspath(document.path), folder)).parent, *asset_folders(folder)]
     return found
-
-
-def _is_folder(output: OutputSettings) -> bool:
-    return output.format in (OutputFormat.LAS, OutputFormat.LAZ, OutputFormat.XYZ)
-
-
-def _check_output(output: OutputSettings, given: set[str]) -> None:
-    """Refuse what the format of a run has no place for, or warn of it, if it was given for this run."""
-    if _is_folder(output):
-        return
-    for name in ("write_waveform", "write_pulse"):
-        if getattr(output, name):
-            raise NotImplementedError(
-                f"{name} needs a format of files: LAS, LAZ or XYZ; vlscan.Survey.run(waveforms=True, pulses=True) has them in memory"
-            )
-    has_effect = {"las_scale"} if output.format == OutputFormat.LASPY else set()
-    for name in ("output_dir", "split_by_channel", "las_scale"):
-        if name in given - has_effect:
-            warn(f"{name} has no effect on the format {output.format.name}")
-
-
-class _Run:
-    """A run of a survey to one output."""
-
-    def __init__(self, survey: Survey, engine: EngineSurvey, options: RunOptions, output: OutputSettings) -> None:
-        self._survey, self._engine, self._options, self._output = survey, engine, options, output
-        self._is_folder = _is_folder(output)
-
-    def _chosen(self, has_batches: bool) -> dict[str, Any]:
-        """Return the arguments of the engine's run."""
-        options, output = dict(self._options), self._output
-        if has_batches:
-            # Columns of text are those of HELIOS++.
-            options["batch_columns"] = COLUMNS
-        elif not self._is_folder:
-            options["columns"] = COLUMNS
-        if self._is_folder:
-            options |= {"output": output.output_dir, "waveforms": output.write_waveform, "pulses": output.write_pulse}
-        return options
-
-    def plain(self) -> Any:
-        """Run, and return the results."""
-        result = self._engine.run(progress=False, **self._chosen(False))
-        if self._is_folder:
-            return Path(result.directories[0])
-        points = result.points
-        return self._result(point_records(points), result, points["Intensity"], points["ScanAngle"])
-
-    def with_hooks(self, hooks: list[SurveyHook]) -> Any:
-        """Run, call hooks, and return the results."""
-        path = os.fspath(self._output.output_dir) if self._is_folder else ""
-        facts = RunFacts(self._survey.durations(), self._survey.gps_start(), path)
-        dispatcher = HookDispatcher(hooks, len(self._survey.legs), facts)
-        needs_points = not self._is_folder or any(hook.payload != HookPayload.METADATA_ONLY for hook in hooks)
-        dispatcher.keeps_points = needs_points
-        columns: list[tuple[NDArray[Any], NDArray[Any]]] = []
-        start, last = None, 0.0
-        # A hook may fail, which ends the run.
-        with self._engine.run_batches(_BATCH_ROWS, True, **self._chosen(True)) as batches:
-            for points in batches:
-                gps_times = np.asarray(points["GpsTime"])
-                if start is None:
-                    start = self._start(gps_times)
-                times = np.maximum.accumulate(gps_times - start)
-                dispatcher.feed(point_records(points), times)
-                last = float(times[-1]) if len(times) else last
-                if self._output.format == OutputFormat.LASPY:
-                    columns.append((np.array(points["Intensity"]), np.array(points["ScanAngle"])))
-            result = batches.result
-        dispatcher.finish(last, pose_records(result.trajectory) if needs_points else None)
-        if self._is_folder:
-            return Path(result.directories[0])
-        intensity, angle = (np.concatenate(parts) for parts in zip(*columns, strict=True)) if columns else (np.empty(0), np.empty(0))
-        return self._result(dispatcher.collected(), result, intensity, angle)
-
-    def _start(self, times: NDArray[np.float64]) -> float:
-        """Return the time of points at the beginning of the run."""
-        start = self._survey.gps_start()
-        is_of_run = len(times) and not self._survey.platform.sync_gps_time and 0 <= times[0] - start < _WEEK
-        return start if is_of_run else float(times[0]) if len(times) else 0.0
-
-    def _result(self, records: NDArray[np.void], result: Result, intensity: NDArray[Any], angle: NDArray[Any]) -> Any:
-        poses = pose_records(result.trajectory)
-        if self._output.format == OutputFormat.LASPY:
-            return laspy_data(records, intensity, angle, self._output.las_scale), poses
-        return records, poses

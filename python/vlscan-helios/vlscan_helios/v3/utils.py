@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import atexit
 import html
 import os
 import re
-import tempfile
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping
 from datetime import datetime, timezone
-from functools import cache
+from difflib import get_close_matches
 from glob import glob, has_magic
 from itertools import product
 from pathlib import Path
@@ -19,9 +17,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from vlscan import Spectrum, catalogue
-
 from .errors import WrongTypeError
+from .package_files import on_disk, package_folders, shipped_files, shipped_spectra
 
 if TYPE_CHECKING:
     from types import TracebackType
@@ -133,50 +130,7 @@ def get_asset_directories() -> list[Path]:
         The folders that were added, in their order; then three of the package. The last one has the files of its catalogue:
         ``scanners_als.xml``, ``scanners_tls.xml`` and ``platforms.xml``; the one before has the built-in ``spectra``.
     """
-    root = _package_folder()
-    return [*own_directories(), root, root / "assets", root / "data"]
-
-
-@cache
-def _package_folder() -> Path:
-    """Write the catalogue and the spectra, which are in the program, to a folder that lasts as long as the process."""
-    folder = tempfile.TemporaryDirectory(prefix="vlscan-")
-    atexit.register(folder.cleanup)
-    root = Path(folder.name)
-    (root / "assets/spectra").mkdir(parents=True)
-    spectra = {f"assets/spectra/{name}.txt": _spectrum_text(name, values) for name, values in catalogue.spectra().items()}
-    for name, text in {**catalogue.files(), **spectra}.items():
-        (root / name).parent.mkdir(exist_ok=True)
-        (root / name).write_text(text, encoding="utf-8")
-    return root
-
-
-# Lines before the table of a file of a spectrum.
-_SPECTRUM_HEADER = 26
-
-
-def _spectrum_text(name: str, spectrum: Spectrum) -> str:
-    """Return the text of the file of a spectrum: a header, then wavelengths (µm) and reflectances (per cent)."""
-    header = [
-        f"Name: {name}",
-        "Origin: built-in spectrum of vlscan",
-        "X Units: Wavelength (micrometers)",
-        "Y Units: Reflectance (percentage)",
-    ]
-    header += [""] * (_SPECTRUM_HEADER - len(header))
-    values = zip(spectrum.wavelengths_nm, spectrum.reflectances, strict=True)
-    return "\n".join([*header, *(f"{wavelength / 1000:.4f}\t{100 * share:.4f}" for wavelength, share in values), ""])
-
-
-def on_disk(path: Path) -> Path:
-    """Return a file of :func:`existing_file` as one on disk: those of the catalogue are in the program."""
-    return path if path.exists() else _package_folder() / path
-
-
-def _in_package(path: Path) -> Path | None:
-    """Return the spectra, or one of them, as on disk; they are in the program."""
-    is_spectrum = "spectra" in path.parts
-    return next((folder / path for folder in get_asset_directories()[-3:] if (folder / path).exists()), None) if is_spectrum else None
+    return [*own_directories(), *package_folders()]
 
 
 def search_folders() -> list[Path]:
@@ -207,7 +161,7 @@ def find_file(filename: str | os.PathLike[str], fatal: bool = True) -> Path | No
     found = named_file(filename, fatal=False)
     if found is not None:
         return on_disk(found)
-    shipped = _in_package(Path(filename))
+    shipped = shipped_spectra(Path(filename))
     return named_file(filename, fatal) if shipped is None else shipped
 
 
@@ -223,7 +177,7 @@ def named_file(filename: str | os.PathLike[str], fatal: bool = True, *, by_bare_
         if (folder / path).exists():
             return folder / path
     for shipped in (path, "data" / path) if by_bare_name else (path,):
-        if shipped.as_posix() in _shipped_files():
+        if shipped.as_posix() in shipped_files():
             return shipped
     if not fatal:
         return None
@@ -269,13 +223,6 @@ def find_files(filename: str | os.PathLike[str], fatal: bool = True) -> list[Pat
     if not fatal:
         return []
     raise FileNotFoundError(f"no file matches {pattern} in {', '.join(str(folder) for folder in search_folders())}")
-
-
-def _shipped_files() -> set[str]:
-    """Return the names of the files of the catalogue, which are in the program and not on disk."""
-    references = [catalogue.scanner_reference(name) for name in catalogue.scanners()]
-    references += [catalogue.platform_reference(name) for name in catalogue.platforms()]
-    return {reference.split("#")[0] for reference in references}
 
 
 def set_rng_seed(seed: int | float | str | datetime | None = None) -> None:
@@ -346,12 +293,17 @@ def combine_parameters(groups: list[list[str]] | None = None, **parameters: Any)
     ------
     ValueError
         A group names an unknown parameter or one of another group, or its parameters have different numbers of values.
+    TypeError
+        The groups are no lists of names, such as ``["x", "y"]`` instead of ``[["x", "y"]]``.
 
     Examples
     --------
     >>> vlscan.helios.combine_parameters(groups=[["x", "y"]], x=[0, 5], y=[1, 6], z=2)
     [{'x': 0, 'y': 1, 'z': 2}, {'x': 5, 'y': 6, 'z': 2}]
     """
+    wrong = groups if isinstance(groups, str) else next((group for group in groups or () if not is_real_iterable(group)), None)
+    if wrong is not None:
+        raise WrongTypeError(f"groups is {groups!r}, expected lists of names, such as groups=[['x', 'y']]")
     grouped = None if groups is None else {name for group in groups for name in group}
     columns = {
         name: list(value) if is_real_iterable(value) and (grouped is None or name in grouped) else [value]
@@ -419,16 +371,22 @@ def display_xml(path: str | os.PathLike[str] | Survey, item: str | None = None) 
         No element has the id.
     """
     if not isinstance(path, (str, os.PathLike)):
+        if not hasattr(path, "to_xml"):
+            raise WrongTypeError(f"expected a file or a survey, found {path!r}")
         return XmlText(path.to_xml())
     found = on_disk(existing_file(path))
     text = found.read_text(encoding="utf-8", errors="replace")
     if item is None:
         return XmlText(text)
+    names: dict[str, None] = {}
     for element in ElementTree.fromstring(text.lstrip()).iter():
         if item in (element.get("id"), element.tag):
             ElementTree.indent(element)
             return XmlText(ElementTree.tostring(element, encoding="unicode").strip())
-    raise ValueError(f"{found} has no element with the id or tag {item!r}")
+        names |= dict.fromkeys(filter(None, (element.get("id"), element.tag)))
+    close = get_close_matches(item, names, 1)
+    hint = f"did you mean {close[0]!r}?" if close else f"there are {', '.join(names)}"
+    raise ValueError(f"{found} has no element with the id or tag {item!r}; {hint}")
 
 
 def detect_separator(file_path: str | os.PathLike[str]) -> str:

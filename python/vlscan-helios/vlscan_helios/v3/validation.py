@@ -437,8 +437,10 @@ class UpdateableMixin:
         """
         for name, value in values.items():
             try:
-                if name not in getattr(type(self), "model_fields", {}):
-                    raise ValueError(f"{type(self).__name__} has no field {name!r}")
+                known = getattr(type(self), "model_fields", {})
+                if name not in known:
+                    hint = f"did you mean {' or '.join(get_close_matches(name, known, 1)) or ', '.join(known)}?"
+                    raise ValueError(f"{type(self).__name__} has no field {name!r}; {hint}")
                 setattr(self, name, value)
             except ValueError:
                 if not skip_exceptions:
