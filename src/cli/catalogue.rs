@@ -268,10 +268,10 @@ mod tests {
             shown.lines().find(|line| line.starts_with(name)).unwrap_or_else(|| panic!("{shown}")).to_owned()
         };
         // The source of its farthest echo says nothing of its least range.
-        let range = line("#dji-zenmuse-l1-non-repetitive", "range");
-        assert!(range.contains("1-∞ m ") && range.ends_with("  not verified"), "{range}");
-        let farthest = line("#dji-zenmuse-l1-non-repetitive", "farthest echo");
-        assert!(farthest.contains("450 m") && farthest.contains("at 10 % and 100 klx"), "{farthest}");
+        let range = line("#riegl_vux-1uav", "range");
+        assert!(range.contains("3-∞ m ") && range.ends_with("  not verified"), "{range}");
+        let farthest = line("#riegl_vux-1uav", "farthest echo");
+        assert!(farthest.contains("920 m") && farthest.contains("at 60 %, 50 kHz"), "{farthest}");
         // Pipelines have the figure of a source.
         let replaced = line("#dji-zenmuse-l2-repetitive", "range  ");
         assert!(replaced.ends_with("  of HELIOS++'s catalogue, replaced in pipelines"), "{replaced}");
