@@ -141,6 +141,29 @@ fn lines_of_a_polygon_mirror_are_found() {
     assert!((degrees(solution.model.parameters.mirror.angle) - 58.0).abs() < 0.5);
 }
 
+/// The climb changes from −2.5 to 2.5 m/s.
+#[test]
+fn a_climb_that_changes_is_found() {
+    let mut truth = model(Mirror::Polygon, radians(58.0), 60.0);
+    let start = DVec3::new(-200.0, -13.0, 400.0);
+    truth.parameters = Parameters { position: start, ..truth.parameters };
+    truth.parameters.velocity.z = -2.5;
+    truth.parameters.acceleration.z = 0.7;
+    let mut recording = Recording::new(flown_within(&truth, 0, |_| 2e-5, 7.0, 400.0)).unwrap();
+    recording.lines = sweeps::of_undivided(&recording).unwrap();
+    let solution = best_solution(&recording).unwrap();
+    let (found, deviations) = (&solution.model.parameters, &solution.deviations);
+    assert!((found.epoch / 3.5 - 1.0).abs() < 0.02, "{}", found.epoch);
+    assert!((found.acceleration.z / 0.7 - 1.0).abs() < 0.02, "{found:?}");
+    let expected = truth.parameters.with_epoch(found.epoch);
+    assert!((found.velocity.z - expected.velocity.z).abs() < 0.02, "{found:?}");
+    let error = (found.velocity - expected.velocity).truncate().length();
+    let deviation = deviations.velocity.truncate().length();
+    let deviation = libm::hypot(deviation, trend::speed_deviation(&recording, &solution));
+    assert!(error < 3.0 * deviation && deviation < 0.2, "{error} {deviation}");
+    assert!((found.position.z / expected.position.z - 1.0).abs() < 0.003, "{found:?}");
+}
+
 /// Over flat ground a pitch looks like a place farther along the flight.
 #[test]
 fn a_pitch_over_flat_ground_is_uncertain() {
