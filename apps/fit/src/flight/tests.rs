@@ -160,7 +160,7 @@ fn a_climb_that_changes_is_found() {
     let error = (found.velocity - expected.velocity).truncate().length();
     let deviation = deviations.velocity.truncate().length();
     let deviation = libm::hypot(deviation, trend::speed_deviation(&recording, &solution));
-    assert!(error < 3.0 * deviation && deviation < 0.2, "{error} {deviation}");
+    assert!(error < 3.0 * deviation && deviation < 0.4, "{error} {deviation}");
     assert!((found.position.z / expected.position.z - 1.0).abs() < 0.003, "{found:?}");
 }
 
@@ -405,6 +405,21 @@ fn sections_hold_all_pulses_of_their_time() {
         assert_eq!(found, middles(max), "{max}");
         assert_eq!(found.is_empty(), max == 1e-7);
     }
+}
+
+/// Eight sections of a period, of which one of sixteen is chosen.
+#[test]
+fn chosen_sections_are_of_all_parts_of_a_period() {
+    let truth = model(Mirror::Sine, radians(20.0), 40.0);
+    let mut recording = Recording::new(flown_within(&truth, 0, |_| 1e-5, 4.0, 3000.0)).unwrap();
+    recording.lines = sweeps::of_undivided(&recording).unwrap();
+    let all = sections::sections(&recording, 1.0 / 320.0, usize::MAX);
+    let chosen = sections::sections(&recording, 1.0 / 320.0, all.len() / 16);
+    assert!(chosen.len().abs_diff(all.len() / 16) <= 5, "{} of {}", chosen.len(), all.len());
+    assert!(chosen.windows(2).all(|pair| pair[0].time < pair[1].time));
+    let mut of_part = [0; 8];
+    chosen.iter().for_each(|section| of_part[(8.0 * truth.fraction(0, section.time)) as usize % 8] += 1);
+    assert!(of_part.iter().all(|count| *count >= chosen.len() / 16), "{of_part:?}");
 }
 
 /// Seven seconds of an elliptic cone, all of it in the cloud.

@@ -11,7 +11,6 @@ use super::pulses::Pulse;
 use super::recording::Recording;
 use super::solution::Solution;
 use super::solve::ATTITUDE;
-use libm::hypot;
 use vlscan_geom::{DVec2, LeastSquares};
 
 /// Maximum number of pulses that are used.
@@ -27,9 +26,6 @@ const WEIGHT: f64 = 160.0;
 const MIN_COSINE: f64 = 0.5;
 /// Heights that scatter less, by range noise and roughness, show no relief, m.
 const RELIEF: f64 = 0.05;
-/// Minimum share of the pitch rates that appears as speed, even where the points show the pitch well: attitudes
-/// are constant within sections. Measured: 0.2 % of a polygon mirror over hills, 0.4 and 0.7 % of a cone.
-const MIN_SHARE: f64 = 0.005;
 /// Damping of equations in which some effects are alike.
 const DAMPING: f64 = 1e-9;
 
@@ -37,7 +33,7 @@ const DAMPING: f64 = 1e-9;
 ///
 /// Without points, the root mean square of the trend over the recording is the standard deviation of
 /// attitudes. Least squares take these as independent in all sections, and their changes as a random walk
-/// without drift, which both pull the trend to 0 if the points do not hold it.
+/// without drift, whose variance they estimate. Both pull the trend to 0 if the points do not hold it.
 pub fn speed_deviation(recording: &Recording, solution: &Solution) -> f64 {
     let (model, duration) = (&solution.model, recording.duration().max(f64::MIN_POSITIVE));
     let rate = model.parameters.mirror.rate.abs();
@@ -62,24 +58,15 @@ pub fn speed_deviation(recording: &Recording, solution: &Solution) -> f64 {
     // Root mean square of the times of an even recording about their mean: duration / √12.
     let trend = 12f64.sqrt() * ATTITUDE / duration;
     let by_attitudes = solution.times.len() as f64 / (trend * trend);
-    let (drift, by_walk) = drift_of(solution, duration);
     let heights = (0..pulses.len()).map(|i| pulses.position(i).z);
     let mean = heights.sum::<f64>() / pulses.len() as f64;
     let height = model.position(0.5 * duration).z - mean;
-    let of_attitudes = trend * by_attitudes / (by_attitudes + by_points);
-    let of_walk = drift * (by_walk / (by_attitudes + by_walk + by_points)).max(MIN_SHARE);
-    height.abs() * hypot(of_attitudes, of_walk)
-}
-
-/// Root mean square of the pitch rates between sections, rad/s, which is as large a trend as they allow, and
-/// the information by which a random walk with such steps pulls a trend to 0.
-fn drift_of(solution: &Solution, duration: f64) -> (f64, f64) {
-    let changes = solution.times.windows(2).zip(solution.attitudes.windows(2));
-    let squares = changes.map(|(t, a)| (a[1].pitch - a[0].pitch).powi(2) / (t[1] - t[0]).max(1e-6));
-    let (sum, count) = squares.fold((0.0, 0.0), |(sum, count), square| (sum + square, count + 1.0));
-    let drift_squared = sum / duration;
-    // No changes: no drift that could be pulled.
-    if drift_squared > 0.0 { (drift_squared.sqrt(), count / drift_squared) } else { (0.0, 0.0) }
+    let shown = by_attitudes + by_points;
+    let of_attitudes = trend * by_attitudes / shown;
+    // A walk of N steps has the information N/ε² about a trend whose steps are all of its variance. It takes
+    // ε·(N/ε²)/(N/ε² + P) of the trend if the points have the information P: at most this for any ε.
+    let of_walk = 0.5 * (solution.times.len() as f64 / shown).sqrt();
+    height.abs() * of_attitudes.max(of_walk)
 }
 
 /// Shifts of a point to the right and forward, m/rad or m, by pitch, roll, yaw and scale.
@@ -174,8 +161,8 @@ mod tests {
     #[test]
     fn relief_and_cones_separate_the_speed_from_a_trend_of_the_pitch() {
         let hills = deviation(Mirror::Polygon, 50.0, |x| 5.0 * sin(0.03 * x));
-        assert!(hills < 0.3, "{hills}");
+        assert!(hills < 1.0, "{hills}");
         let cone = deviation(Mirror::Cone, 20.0, |_| 0.0);
-        assert!(cone < 0.01, "{cone}");
+        assert!(cone < 0.2, "{cone}");
     }
 }
