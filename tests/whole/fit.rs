@@ -233,7 +233,8 @@ fn straight_parts_of_a_flight_with_turns_are_flight_lines() {
     let source = names.split(':').next().unwrap();
     let chosen = |number: u32| {
         let name = format!("{source}.{number}");
-        run(dir.path(), &["fit", "line.laz", "-o", "part.toml", "--json", "--flight-line", &name])
+        let out = format!("{name}.toml");
+        run(dir.path(), &["fit", "line.laz", "-o", &out, "--json", "--flight-line", &name])
     };
     let out = chosen(2);
     assert!(out.status.success() && !text(&out.stderr).contains("flight line"), "{}", text(&out.stderr));
