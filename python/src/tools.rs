@@ -11,7 +11,7 @@ use pyo3::types::{PyBytes, PyDict, PyList};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use vlscan::base::files::{FileGroup, refuse_existing, refuse_unwritable, write_file};
-use vlscan::fit::flight::{self, FlightFiles, FlightRequest};
+use vlscan::fit::flight::{self, FlightFiles, FlightLineName, FlightRequest};
 use vlscan::fit::scene::ReconstructOptions;
 use vlscan::fit::spinning::{Half, SpinningFiles, SpinningRequest, fit_spinning};
 use vlscan::tools::cloud::{Points, points_of_table, read_points};
@@ -305,7 +305,7 @@ pub fn fit_flight(
     py: Python<'_>,
     cloud: PathBuf,
     output: PathBuf,
-    flight_line: Option<u16>,
+    flight_line: Option<String>,
     extend: f64,
     force: bool,
     max_memory: Option<u64>,
@@ -314,6 +314,11 @@ pub fn fit_flight(
     let own = notices.clone();
     let made = interruptible(py, move |interruption| {
         FlightFiles::check(&output, &cloud, force)?;
+        let flight_line = flight_line.map(|name| {
+            name.parse::<FlightLineName>()
+                .map_err(|expected| Error::input(format!("flight_line {name}: {expected}")))
+        });
+        let flight_line = flight_line.transpose()?;
         let mut found = Diagnostics::default();
         let request = FlightRequest { flight_line, extend, max_memory };
         let fit = flight::fit_flight(&cloud, &request, &mut found);

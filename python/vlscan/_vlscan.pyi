@@ -203,7 +203,7 @@ def merge_shards(
     """Merge shards to files or to tables of these names; or compare their checksums."""
 
 def fit_flight(
-    cloud: str, output: str, flight_line: int | None, extend: float, force: bool, max_memory: int | None
+    cloud: str, output: str, flight_line: str | None, extend: float, force: bool, max_memory: int | None
 ) -> tuple[list[str], str]:
     """Fit a flight and its scanner to a cloud and write them: the files, and the figures as JSON."""
 

@@ -41,7 +41,7 @@ def fit_flight(
     cloud: TableLike | PathLike,
     output: PathLike,
     *,
-    flight_line: int | None = None,
+    flight_line: int | str | None = None,
     extend: float = 0.0,
     force: bool = False,
     max_memory: int | None = None,
@@ -56,8 +56,9 @@ def fit_flight(
         The recorded cloud, with GPS times and scan angles: points, or a file, LAS or LAZ.
     output : str or path-like
         The pipeline file to write.
-    flight_line : int, optional
-        The point source of the flight line that is fitted; by default the one with the most points.
+    flight_line : int or str, optional
+        The point source of the flight line that is fitted, such as 7, or one of several of a source by its number in the order
+        of time, such as "7.2"; by default the one with the most points.
     extend : float
         Seconds that the written flight goes on after the recording: straight, with the last attitude, and with the pulses
         that follow from the patterns that were found.
@@ -80,7 +81,8 @@ def fit_flight(
         A file cannot be read or exists.
     """
     with _file_of(cloud) as name:
-        _, figures = _vlscan.fit_flight(name, path_of("output", output), flight_line, extend, force, max_memory)
+        line = None if flight_line is None else str(flight_line)
+        _, figures = _vlscan.fit_flight(name, path_of("output", output), line, extend, force, max_memory)
     return {figure["name"]: Fitted(figure["value"], figure["deviation"], figure["unit"]) for figure in json.loads(figures)}
 
 

@@ -219,7 +219,7 @@ fn straight_parts_of_a_flight_with_turns_are_flight_lines() {
     succeed(dir.path(), &["run", "flown.toml", "-q"]);
     let out = succeed(dir.path(), &["fit", "line.laz", "-o", "fit.toml", "--json"]);
     let (found, messages) = (figures_of(&out.stdout), text(&out.stderr));
-    for part in ["has turns", "points of the turns are ignored", "has 3 flight lines", "at the GPS times"] {
+    for part in ["has turns", "points of the turns are ignored", "has 3 flight lines", ".3 (from GPS time"] {
         assert!(messages.contains(part), "{part}: {messages}");
     }
     for (name, expected, within) in
@@ -228,6 +228,21 @@ fn straight_parts_of_a_flight_with_turns_are_flight_lines() {
         let value = found[name].as_f64().unwrap();
         assert!((value - expected).abs() < within, "{name} is {value}");
     }
+    // The second line, back, by its number.
+    let names = messages.split("--flight-line selects one of point source ").nth(1).unwrap();
+    let source = names.split(':').next().unwrap();
+    let chosen = |number: u32| {
+        let name = format!("{source}.{number}");
+        let out = format!("{name}.toml");
+        run(dir.path(), &["fit", "line.laz", "-o", &out, "--json", "--flight-line", &name])
+    };
+    let out = chosen(2);
+    assert!(out.status.success() && !text(&out.stderr).contains("flight line"), "{}", text(&out.stderr));
+    let course = figures_of(&out.stdout)["course"].as_f64().unwrap();
+    assert!((course - 270.0).abs() < 0.5, "{course}");
+    let out = chosen(4);
+    let message = text(&out.stderr);
+    assert!(!out.status.success() && message.contains("has 3 flight lines of point source"), "{message}");
 }
 
 #[test]
@@ -250,7 +265,6 @@ fn a_level_fan_whose_height_changes_is_not_taken_for_a_cone() {
     fs::write(dir.path().join("flown.toml"), flown).unwrap();
     succeed(dir.path(), &["run", "flown.toml", "-q"]);
     let found = figures(dir.path(), &["fit", "line.laz", "-o", "fit.toml", "--json"]);
-    // The speed at the ends of the line is 0.04 m/s larger, because the model has no changes of the climb.
     for (name, expected, within) in [("speed", 8.0, 0.02), ("course", 180.0, 0.1), ("lines", 10.0, 0.001)] {
         let value = found[name].as_f64().unwrap();
         assert!((value - expected).abs() < within, "{name} is {value}");

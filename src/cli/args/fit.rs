@@ -2,8 +2,9 @@
 
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
+use vlscan_fit::flight::FlightLineName;
 use vlscan_options::Bytes;
-use vlscan_options::values::{Vector, number, whole};
+use vlscan_options::values::{Vector, number};
 
 /// `vlscan fit`.
 #[derive(Debug, Args)]
@@ -26,9 +27,11 @@ pub struct FitArgs {
     /// Write the planes of the revolution, which the fit is based on, as a mesh and scene of the pipeline.
     #[arg(long, value_name = "FILE.obj", value_parser = super::files(), requires = "calibration")]
     pub planes: Option<PathBuf>,
-    /// Fit the flight line of this point source; the one with the most points if it is not given.
-    #[arg(long, value_name = "N", conflicts_with = "calibration", value_parser = whole::<u16>)]
-    pub flight_line: Option<u16>,
+    /// Fit the flight line of this point source, such as 7, or one of several of a source by its number in
+    /// the order of time, such as 7.2: turns and pauses divide a flight. [default: the one with the most
+    /// points]
+    #[arg(long, value_name = "N[.NUMBER]", conflicts_with = "calibration")]
+    pub flight_line: Option<FlightLineName>,
     /// Extend the fitted flight by this time beyond the recording: straight, with the last attitude and the
     /// pulses of the fitted patterns.
     #[arg(

@@ -3,14 +3,94 @@
 use super::straight::{Part, straight_flights};
 use crate::rows::Row;
 use std::collections::BTreeMap;
+use std::fmt;
 use std::path::Path;
+use std::str::FromStr;
 use vlscan_base::diag::{Diagnostics, Place};
+use vlscan_base::error::{Error, Result};
+use vlscan_base::quantity::counted;
 
 /// A pause of this many seconds ends a flight line; channels that look ahead and back pass a small place some
 /// seconds apart.
 pub(super) const FLIGHT_PAUSE: f64 = 20.0;
 /// Duration of the parts of a flight line that are counted together, s. No pause is within a part.
 const PART_S: f64 = 1.0;
+
+/// Maximum number of flight lines that a message names.
+const MAX_NAMED: usize = 20;
+
+/// A flight line that is chosen: `7`, the longest one of point source 7, or `7.2`, the second one of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FlightLineName {
+    /// Point source.
+    pub source: u16,
+    /// Number among the flight lines of the source in the order of time, from 1; the one with the most points
+    /// if missing.
+    pub number: Option<usize>,
+}
+
+impl FromStr for FlightLineName {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<FlightLineName, String> {
+        let expected =
+            "expected a point source, such as 7, or one of its flight lines, counted from 1, such as 7.2";
+        let (source, number) = match text.split_once('.') {
+            Some((source, number)) => {
+                let number = number.parse().ok().filter(|number| *number > 0);
+                (source, Some(number.ok_or(expected)?))
+            }
+            None => (text, None),
+        };
+        let source = source.parse().map_err(|_| expected)?;
+        Ok(FlightLineName { source, number })
+    }
+}
+
+impl fmt::Display for FlightLineName {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", self.source)?;
+        self.number.map_or(Ok(()), |number| write!(f, ".{number}"))
+    }
+}
+
+impl FlightLineName {
+    /// The flight lines with this name, among all of a cloud in the order of source and time.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if there is none.
+    pub(super) fn select(self, lines: &[FlightLine], path: &Path) -> Result<Vec<FlightLine>> {
+        let of_source: Vec<FlightLine> =
+            lines.iter().copied().filter(|line| line.source == self.source).collect();
+        let (path, source) = (path.display(), self.source);
+        if of_source.is_empty() {
+            let mut sources: Vec<String> = lines.iter().map(|line| line.source.to_string()).collect();
+            sources.dedup();
+            let message = format!("--flight-line {self}: {path} has no points of point source {source}");
+            return Err(Error::input_with_help(message, format!("it has {}", sources.join(", "))));
+        }
+        let Some(number) = self.number else { return Ok(of_source) };
+        of_source.get(number - 1).map(|line| vec![*line]).ok_or_else(|| {
+            let message = format!(
+                "--flight-line {self}: {path} has {} of point source {source}",
+                counted(of_source.len() as u64, "flight line")
+            );
+            Error::input_with_help(message, format!("choose {}", named(&of_source)))
+        })
+    }
+}
+
+/// Names of the flight lines of a source, with their times.
+fn named(of_source: &[FlightLine]) -> String {
+    let name = |(k, line): (usize, &FlightLine)| {
+        format!("{}.{} (from GPS time {:.1} s)", line.source, k + 1, line.times[0])
+    };
+    let mut names: Vec<String> = of_source.iter().enumerate().take(MAX_NAMED).map(name).collect();
+    if let Some(last) = of_source.last().filter(|_| of_source.len() > MAX_NAMED) {
+        names.push(format!("…, {}.{} (from {:.1} s)", last.source, of_source.len(), last.times[0]));
+    }
+    names.join(", ")
+}
 
 /// A flight line of a cloud.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -96,20 +176,17 @@ pub(super) fn warn_of_others(path: &Path, lines: &[FlightLine], fitted: FlightLi
         fitted.source,
         fitted.times[0]
     );
-    let of_source: Vec<String> = lines
-        .iter()
-        .filter(|line| line.source == fitted.source)
-        .map(|line| format!("{:.1}", line.times[0]))
-        .collect();
+    let of_source: Vec<FlightLine> =
+        lines.iter().copied().filter(|line| line.source == fitted.source).collect();
     let mut help = Vec::new();
     if of_source.len() < lines.len() {
         help.push("--flight-line N selects another one by its point source".to_owned());
     }
     if of_source.len() > 1 {
         help.push(format!(
-            "lines of point source {} begin at the GPS times {} s: cut the cloud by time to fit another one",
+            "--flight-line selects one of point source {}: {}",
             fitted.source,
-            of_source.join(", ")
+            named(&of_source)
         ));
     }
     found.warn(Some(Place::of_file(path)), message).help(help.join("; "));
@@ -170,7 +247,7 @@ mod tests {
     }
 
     #[test]
-    fn other_flight_lines_are_chosen_by_source_or_time() {
+    fn other_flight_lines_are_chosen_by_source_or_number() {
         let line = |source, start| FlightLine { source, times: [start, start + 9.0], points: 10 };
         let said = |lines: &[FlightLine]| {
             let mut found = Diagnostics::default();
@@ -178,11 +255,45 @@ mod tests {
             found.text()
         };
         let of_source = said(&[line(3, 0.5), line(3, 20.0)]);
-        assert!(of_source.contains("begin at the GPS times 0.5, 20.0 s"), "{of_source}");
-        assert!(of_source.contains("10 points of the others") && !of_source.contains("--flight-line"));
+        assert!(of_source.contains("3.1 (from GPS time 0.5 s), 3.2 (from GPS time 20.0 s)"), "{of_source}");
+        assert!(of_source.contains("10 points of the others") && !of_source.contains("--flight-line N"));
         let others = said(&[line(3, 0.5), line(4, 20.0)]);
-        assert!(others.contains("--flight-line") && !others.contains("begin at"), "{others}");
+        assert!(others.contains("--flight-line N") && !others.contains("3.1"), "{others}");
         let both = said(&[line(3, 0.5), line(3, 20.0), line(4, 40.0)]);
-        assert!(both.contains("--flight-line") && both.contains("begin at"), "{both}");
+        assert!(both.contains("--flight-line N") && both.contains("3.2"), "{both}");
+    }
+
+    #[test]
+    fn names_of_flight_lines_are_a_source_and_a_number() {
+        let name = |source, number| Ok(FlightLineName { source, number });
+        for (text, expected) in
+            [("7", name(7, None)), ("7.2", name(7, Some(2))), ("65535.10", name(65_535, Some(10)))]
+        {
+            assert_eq!(text.parse(), expected);
+            assert_eq!(text.parse::<FlightLineName>().unwrap().to_string(), text);
+        }
+        for text in ["", ".", "7.", "7.0", ".2", "7.2.1", "7.-1", "-7", "65536", "a", "7,2"] {
+            assert!(text.parse::<FlightLineName>().unwrap_err().contains("7.2"), "{text}");
+        }
+    }
+
+    #[test]
+    fn flight_lines_of_a_source_count_in_the_order_of_time() {
+        let line = |source, start| FlightLine { source, times: [start, start + 9.0], points: 10 };
+        let lines: Vec<FlightLine> =
+            (0..30).map(|k| line(3, 0.5 + 20.0 * f64::from(k))).chain([line(8, 5.0)]).collect();
+        let select = |name: &str| name.parse::<FlightLineName>().unwrap().select(&lines, Path::new("a.laz"));
+        assert_eq!(select("3").unwrap(), lines[..30]);
+        assert_eq!(select("3.2").unwrap(), [lines[1]]);
+        assert_eq!(select("8.1").unwrap(), [lines[30]]);
+        for (name, expected) in [
+            ("4.1", &["--flight-line 4.1", "no points of point source 4", "it has 3, 8"][..]),
+            ("8.2", &["--flight-line 8.2", "1 flight line of point source 8", "8.1 (from GPS time 5.0 s)"]),
+            ("3.31", &["has 30 flight lines", "3.20 (from GPS time 380.5 s), …, 3.30 (from 580.5 s)"]),
+        ] {
+            let Error::Input(problems) = select(name).unwrap_err() else { panic!("{name}") };
+            let message = problems.text();
+            assert!(expected.iter().all(|part| message.contains(part)), "{name}: {message}");
+        }
     }
 }

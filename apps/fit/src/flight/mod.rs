@@ -69,6 +69,7 @@ mod windows;
 mod write;
 
 pub use error::{FlightError, Misfit};
+pub use flight_lines::FlightLineName;
 pub use ground::RangeScatter;
 pub use mirror::{Mirror, MirrorParameters};
 pub use model::{Attitude, Footprint, Model};
@@ -100,8 +101,8 @@ const DOUBTFUL_SWEEP: f64 = 0.03;
 /// Choices of a fit.
 #[derive(Clone, Debug, Default)]
 pub struct FlightRequest {
-    /// Point source of the flight line; if missing, the line with the most points.
-    pub flight_line: Option<u16>,
+    /// The flight line; if missing, the one with the most points.
+    pub flight_line: Option<FlightLineName>,
     /// Time by which the written flight is extended after the recording, s.
     pub extend: f64,
     /// Memory that the points may take, bytes; 1 GiB by default. Of a flight line with more points the scan

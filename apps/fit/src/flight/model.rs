@@ -69,21 +69,20 @@ impl Model {
 
     /// Position of the platform at `time`, m.
     pub fn position(&self, time: f64) -> DVec3 {
-        let p = &self.parameters;
-        p.position + time * p.velocity + (0.5 * time * time) * p.acceleration.extend(0.0)
+        self.parameters.position_at(time)
     }
 
     /// Horizontal velocity of the platform at `time`, m/s.
     pub fn horizontal_velocity(&self, time: f64) -> DVec2 {
-        self.parameters.velocity.truncate() + time * self.parameters.acceleration
+        self.parameters.velocity_at(time).truncate()
     }
 
-    /// Horizontal speed at time 0, m/s.
+    /// Horizontal speed at the epoch, m/s.
     pub fn speed(&self) -> f64 {
         hypot(self.parameters.velocity.x, self.parameters.velocity.y)
     }
 
-    /// Course at time 0, rad, clockwise from north (+y).
+    /// Course at the epoch, rad, clockwise from north (+y).
     pub fn course(&self) -> f64 {
         atan2(self.parameters.velocity.x, self.parameters.velocity.y)
     }

@@ -1,18 +1,20 @@
 //! Parameters of a flown scanner, by name, and as vectors for the solver.
 
 use super::mirror::{Mirror, MirrorParameters};
-use vlscan_geom::{DVec2, DVec3};
+use vlscan_geom::DVec3;
 
 /// Parameters of a flight and its scanner. Their standard deviations, priors and steps of derivatives have
 /// the same structure.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Parameters {
-    /// Position of the platform at time 0, m.
+    /// Time of position and velocity, s. Not estimated.
+    pub epoch: f64,
+    /// Position of the platform at the epoch, m.
     pub position: DVec3,
-    /// Velocity at time 0, m/s; z is the climb.
+    /// Velocity at the epoch, m/s; z is the climb.
     pub velocity: DVec3,
-    /// Horizontal acceleration, m/s².
-    pub acceleration: DVec2,
+    /// Acceleration, m/s²; z is the change of the climb.
+    pub acceleration: DVec3,
     /// Roll of the scanner, right side down, rad.
     pub roll: f64,
     /// Pitch of the scanner, nose up, rad.
@@ -50,9 +52,10 @@ impl Default for Parameters {
     /// Zeros, with one channel and without facets that differ.
     fn default() -> Parameters {
         Parameters {
+            epoch: 0.0,
             position: DVec3::ZERO,
             velocity: DVec3::ZERO,
-            acceleration: DVec2::ZERO,
+            acceleration: DVec3::ZERO,
             roll: 0.0,
             pitch: 0.0,
             mirror: MirrorParameters::default(),
@@ -63,13 +66,31 @@ impl Default for Parameters {
 }
 
 impl Parameters {
+    /// Position of the platform at `time`, m.
+    pub fn position_at(&self, time: f64) -> DVec3 {
+        let since = time - self.epoch;
+        self.position + since * self.velocity + (0.5 * since * since) * self.acceleration
+    }
+
+    /// Velocity of the platform at `time`, m/s.
+    pub fn velocity_at(&self, time: f64) -> DVec3 {
+        self.velocity + (time - self.epoch) * self.acceleration
+    }
+
+    /// The same flight, with position and velocity at `epoch`.
+    pub fn with_epoch(&self, epoch: f64) -> Parameters {
+        let (position, velocity) = (self.position_at(epoch), self.velocity_at(epoch));
+        Parameters { epoch, position, velocity, ..self.clone() }
+    }
+
     /// Parameters that all have the same value, for as many channels and facets as these have.
     pub fn filled(&self, value: f64) -> Parameters {
         let channel = |channel: &Channel| Channel { phase: value, yaw: value, pitch: value, ..*channel };
         Parameters {
+            epoch: self.epoch,
             position: DVec3::splat(value),
             velocity: DVec3::splat(value),
-            acceleration: DVec2::splat(value),
+            acceleration: DVec3::splat(value),
             roll: value,
             pitch: value,
             mirror: MirrorParameters {
@@ -113,6 +134,7 @@ impl Parameters {
             &mut acceleration.y,
             &mut position.z,
             &mut velocity.z,
+            &mut acceleration.z,
             &mut self.roll,
             &mut self.pitch,
             &mut self.mirror.angle,
@@ -154,9 +176,10 @@ mod tests {
     /// Two channels of a polygon mirror whose values all differ.
     fn example() -> Parameters {
         Parameters {
+            epoch: -2.0,
             position: DVec3::new(1.0, 2.0, 3.0),
             velocity: DVec3::new(4.0, 5.0, 6.0),
-            acceleration: DVec2::new(7.0, 8.0),
+            acceleration: DVec3::new(7.0, 8.0, 20.0),
             roll: 9.0,
             pitch: 10.0,
             mirror: MirrorParameters { angle: 11.0, rate: 12.0, yaw: 13.0, angle_along: 14.0, turning: 19.0 },
@@ -182,7 +205,7 @@ mod tests {
             let vector = example.to_vector(mirror);
             let mut sorted = vector.clone();
             sorted.sort_by(f64::total_cmp);
-            let expected = (1..=19).map(f64::from);
+            let expected = (1..=20).map(f64::from);
             let expected = expected
                 .filter(|v| (yaw || *v != 13.0) && (angle_along || *v != 14.0) && (turning || *v != 19.0));
             assert_eq!(sorted, expected.collect::<Vec<f64>>(), "{mirror:?}");
@@ -190,6 +213,20 @@ mod tests {
             assert_eq!(back.to_vector(mirror), vector);
             assert_eq!((back.velocity, back.channels[1].phase), (example.velocity, 18.0));
         }
+    }
+
+    #[test]
+    fn a_flight_with_another_epoch_is_the_same() {
+        let example = example();
+        assert_eq!(
+            (example.position_at(-2.0), example.velocity_at(-2.0)),
+            (example.position, example.velocity)
+        );
+        let later = example.with_epoch(1.0);
+        assert_eq!((later.epoch, later.velocity), (1.0, DVec3::new(25.0, 29.0, 66.0)));
+        assert_eq!(later.position, DVec3::new(44.5, 53.0, 111.0));
+        assert!((later.with_epoch(-2.0).position - example.position).length() < 1e-12);
+        assert_eq!(later.position_at(3.0), example.position_at(3.0));
     }
 
     #[test]

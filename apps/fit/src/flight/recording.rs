@@ -1,6 +1,6 @@
 //! The pulses of one flight line of a recorded cloud.
 
-use super::flight_lines::{FLIGHT_PAUSE, FlightLine, warn_of_others};
+use super::flight_lines::{FLIGHT_PAUSE, FlightLine, FlightLineName, warn_of_others};
 use super::grouping::{Grouped, pulses_of};
 use super::outliers::remove_outliers;
 use super::points::{LineRows, Outline};
@@ -52,8 +52,8 @@ pub struct Recording {
 }
 
 impl Recording {
-    /// Reads one flight line of a cloud: that of the point source `source`, else the one with the most
-    /// pulses. Warnings, also of lines that are left out, are added to `found`.
+    /// Reads one flight line of a cloud: of those with the name `line`, or of all, the one with the most
+    /// points. Warnings, also of lines that are left out, are added to `found`.
     ///
     /// Points may take `max_memory`, bytes; of more points those of some windows of time are used.
     ///
@@ -62,27 +62,23 @@ impl Recording {
     /// if the memory allows hardly any points.
     pub(crate) fn read(
         path: &Path,
-        source: Option<u16>,
+        line: Option<FlightLineName>,
         max_memory: u64,
         found: &mut Diagnostics,
     ) -> Result<Recording> {
         let mut outline = Outline::read(path, Some(max_memory), found)?;
         let name = path.display();
         let mut lines = std::mem::take(&mut outline.lines);
-        if let Some(source) = source {
-            let mut sources: Vec<String> = lines.iter().map(|line| line.source.to_string()).collect();
-            sources.dedup();
-            lines.retain(|line| line.source == source);
-            if lines.is_empty() {
-                let message = format!("--flight-line {source}: {name} has no points of this point source");
-                return Err(Error::input_with_help(message, format!("it has {}", sources.join(", "))));
-            }
+        if let Some(line) = line {
+            lines = line.select(&lines, path)?;
         }
         let Some(longest) = lines.iter().copied().max_by_key(|line: &FlightLine| line.points) else {
             return Err(Error::input(format!("{name} has no points with times and scan angles")));
         };
         let wkt = outline.wkt.take();
-        if let Some(points) = outline.turns.get(&longest.source) {
+        // A line that is chosen by its number has no turns.
+        let is_numbered = line.is_some_and(|line| line.number.is_some());
+        if let Some(points) = outline.turns.get(&longest.source).filter(|_| !is_numbered) {
             let message = format!(
                 "the flight of point source {} has turns: each straight part is a flight line, and {points} \
                  points of the turns are ignored",

@@ -80,9 +80,7 @@ impl FlightFit {
     fn add_platform(&self, figures: &mut Figures) {
         let solution = &self.solution;
         let (p, d) = (&solution.model.parameters, &solution.deviations);
-        // The acceleration also takes up what the model lacks, such as changes of the climb: the speed in the
-        // middle does not depend on it.
-        let speed = solution.model.horizontal_velocity(0.5 * self.recording.duration()).length();
+        let speed = solution.model.speed();
         let of_speed = hypot(d.velocity.x, d.velocity.y);
         figures.add("speed", speed, Some(hypot(of_speed, self.speed_by_pitch)), "m/s");
         let course = degrees(solution.model.course()).rem_euclid(360.0);
@@ -214,7 +212,7 @@ impl FlightFit {
         figures.add("pulses without a point", 100.0 * rate.lost, Some(100.0 * rate.lost_deviation), "%");
     }
 
-    /// Height of the platform at time 0 above the mean of the points, m.
+    /// Height of the platform in the middle of the flight above the mean of the points, m.
     fn height_above_points(&self) -> f64 {
         let pulses = &self.recording.pulses;
         let heights = (0..pulses.len()).map(|i| pulses.position(i).z);

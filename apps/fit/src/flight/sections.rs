@@ -10,6 +10,9 @@ const SECTION_PULSES: usize = 40;
 /// (terrain height, encoders).
 const SECTION_WEIGHT: f64 = 20.0;
 
+/// Multiplier whose multiples, modulo 2⁶⁴, are evenly distributed: 2⁶⁴ times the golden section.
+const GOLDEN: u64 = 0x9e37_79b9_7f4a_7c15;
+
 /// Pulses for which the attitude counts as constant.
 #[derive(Clone, Debug)]
 pub struct Section {
@@ -31,7 +34,8 @@ impl Section {
     }
 }
 
-/// Divides lines into sections of at most `max_duration` s. At most `max_sections` are used, evenly chosen.
+/// Divides lines into sections of at most `max_duration` s. At most `max_sections` are used, evenly chosen in
+/// time and among the parts of lines.
 pub fn sections(recording: &Recording, max_duration: f64, max_sections: usize) -> Vec<Section> {
     let mut found = Vec::new();
     for line in &recording.lines {
@@ -58,5 +62,11 @@ pub fn sections(recording: &Recording, max_duration: f64, max_sections: usize) -
     }
     found.sort_by(|a, b| a.time.total_cmp(&b.time));
     let step = found.len().div_ceil(max_sections.max(1)).max(1);
-    found.into_iter().step_by(step).collect()
+    // One of each `step` sections: always the first would be the same part of every line where a line has as
+    // many sections, or a part of them.
+    let chosen = found.chunks(step).zip(0u64..).filter_map(|(sections, k)| {
+        let share = k.wrapping_mul(GOLDEN) >> 32;
+        sections.get(((share * sections.len() as u64) >> 32) as usize)
+    });
+    chosen.cloned().collect()
 }

@@ -11,7 +11,7 @@ use super::parameters::{Channel, Parameters};
 use super::recording::Recording;
 use super::sections::Section;
 use super::solution::Solution;
-use vlscan_geom::{DMat3, DVec2, DVec3, radians};
+use vlscan_geom::{DMat3, DVec3, radians};
 
 const MAX_STEPS: usize = 60;
 /// Damping of the equations for standard deviations: a larger one hides what the points do not determine.
@@ -27,7 +27,7 @@ fn priors(model: &Model) -> Parameters {
     let of_channel = |channel: &Channel| Channel { pitch: radians(2.0), ..*channel };
     Parameters {
         velocity: DVec3::new(f64::INFINITY, f64::INFINITY, 1.0),
-        acceleration: DVec2::splat(0.3),
+        acceleration: DVec3::new(0.3, 0.3, 0.05),
         roll: radians(2.0),
         pitch: radians(2.0),
         mirror: MirrorParameters { yaw: radians(10.0), turning: 1.0, ..unknown.mirror },
@@ -45,15 +45,19 @@ fn increments(model: &Model, duration: f64) -> Parameters {
     Parameters {
         position: DVec3::splat(1e-3),
         velocity: DVec3::splat(1e-3 / t),
-        acceleration: DVec2::splat(1e-3 / (t * t)),
+        acceleration: DVec3::splat(1e-3 / (t * t)),
         mirror: MirrorParameters { rate: 1e-7 / t, ..others.mirror },
         ..others
     }
 }
 
 /// Fits a model to a recording from a first guess. Attitudes of sections are estimated if `has_attitudes`.
+///
+/// Position and velocity are estimated in the middle of the recording, where they hardly depend on the
+/// acceleration.
 pub fn solve(recording: &Recording, first: &Model, sections: &[Section], has_attitudes: bool) -> Solution {
-    let mut model = first.clone();
+    let parameters = first.parameters.with_epoch(0.5 * recording.duration());
+    let mut model = Model { mirror: first.mirror, parameters };
     let steps = increments(first, recording.duration()).to_vector(first.mirror);
     // Roll, pitch, yaw.
     let mut attitudes = vec![DVec3::ZERO; sections.len()];

@@ -141,6 +141,29 @@ fn lines_of_a_polygon_mirror_are_found() {
     assert!((degrees(solution.model.parameters.mirror.angle) - 58.0).abs() < 0.5);
 }
 
+/// The climb changes from −2.5 to 2.5 m/s.
+#[test]
+fn a_climb_that_changes_is_found() {
+    let mut truth = model(Mirror::Polygon, radians(58.0), 60.0);
+    let start = DVec3::new(-200.0, -13.0, 400.0);
+    truth.parameters = Parameters { position: start, ..truth.parameters };
+    truth.parameters.velocity.z = -2.5;
+    truth.parameters.acceleration.z = 0.7;
+    let mut recording = Recording::new(flown_within(&truth, 0, |_| 2e-5, 7.0, 400.0)).unwrap();
+    recording.lines = sweeps::of_undivided(&recording).unwrap();
+    let solution = best_solution(&recording).unwrap();
+    let (found, deviations) = (&solution.model.parameters, &solution.deviations);
+    assert!((found.epoch / 3.5 - 1.0).abs() < 0.02, "{}", found.epoch);
+    assert!((found.acceleration.z / 0.7 - 1.0).abs() < 0.02, "{found:?}");
+    let expected = truth.parameters.with_epoch(found.epoch);
+    assert!((found.velocity.z - expected.velocity.z).abs() < 0.02, "{found:?}");
+    let error = (found.velocity - expected.velocity).truncate().length();
+    let deviation = deviations.velocity.truncate().length();
+    let deviation = libm::hypot(deviation, trend::speed_deviation(&recording, &solution));
+    assert!(error < 3.0 * deviation && deviation < 0.4, "{error} {deviation}");
+    assert!((found.position.z / expected.position.z - 1.0).abs() < 0.003, "{found:?}");
+}
+
 /// Over flat ground a pitch looks like a place farther along the flight.
 #[test]
 fn a_pitch_over_flat_ground_is_uncertain() {
@@ -382,6 +405,21 @@ fn sections_hold_all_pulses_of_their_time() {
         assert_eq!(found, middles(max), "{max}");
         assert_eq!(found.is_empty(), max == 1e-7);
     }
+}
+
+/// Eight sections of a period, of which one of sixteen is chosen.
+#[test]
+fn chosen_sections_are_of_all_parts_of_a_period() {
+    let truth = model(Mirror::Sine, radians(20.0), 40.0);
+    let mut recording = Recording::new(flown_within(&truth, 0, |_| 1e-5, 4.0, 3000.0)).unwrap();
+    recording.lines = sweeps::of_undivided(&recording).unwrap();
+    let all = sections::sections(&recording, 1.0 / 320.0, usize::MAX);
+    let chosen = sections::sections(&recording, 1.0 / 320.0, all.len() / 16);
+    assert!(chosen.len().abs_diff(all.len() / 16) <= 5, "{} of {}", chosen.len(), all.len());
+    assert!(chosen.windows(2).all(|pair| pair[0].time < pair[1].time));
+    let mut of_part = [0; 8];
+    chosen.iter().for_each(|section| of_part[(8.0 * truth.fraction(0, section.time)) as usize % 8] += 1);
+    assert!(of_part.iter().all(|count| *count >= chosen.len() / 16), "{of_part:?}");
 }
 
 /// Seven seconds of an elliptic cone, all of it in the cloud.

@@ -132,8 +132,7 @@ impl FlightFit {
     fn position(&self, time: f64) -> DVec3 {
         let model = &self.solution.model;
         let recorded = self.recording.duration().min(time);
-        let velocity = model.horizontal_velocity(recorded).extend(model.parameters.velocity.z);
-        model.position(recorded) + (time - recorded) * velocity
+        model.position(recorded) + (time - recorded) * model.parameters.velocity_at(recorded)
     }
 
     /// Deviation of a cone's mirror from even motion: seconds and degrees, a line each.
