@@ -53,7 +53,8 @@ pub(super) struct Sample {
     pub last_is_leaf: Option<bool>,
 }
 
-/// The ranges of the rays of a beam, m from the surface, ascending, with the layer of the foliage that each met, or [`SURFACE`].
+/// The ranges of the rays of a beam, m from the surface, ascending, with the layer of the foliage that each
+/// met, or [`SURFACE`].
 type Ranges = [(f32, u8); SUBRAYS];
 
 /// In place of a layer: the surface below the foliage.
