@@ -226,12 +226,16 @@ mod tests {
     /// Edge of the land around a house, m.
     const LAND: f64 = 21.0;
 
-    /// Points at random, as many per square metre, of a house with this roof, if there is one at x, y, on
-    /// flat land; the roofs through them with cells of 0.5 m.
+    /// Points spread as a scanner does, as many per square metre, of a house with this roof, if there is one at
+    /// x, y, on flat land; the roofs through them with cells of 0.5 m.
     fn found(per_m2: f64, roof: impl Fn(f64, f64) -> Option<f64>) -> Roofs {
         let draws = Stream::new(3, Purpose::Material);
-        let place = |i: u64| [0, 1].map(|axis| LAND * draws.uniform(0, i, axis));
-        let all: Vec<[f64; 2]> = (0..(LAND * LAND * per_m2) as u64).map(place).collect();
+        let rows = (LAND * per_m2.sqrt()) as u64;
+        let place = |i: u64| {
+            let at = |row: u64, axis: u32| (row as f64 + draws.uniform(0, i, axis)) * LAND / rows as f64;
+            [at(i % rows, 0), at(i / rows, 1)]
+        };
+        let all: Vec<[f64; 2]> = (0..rows * rows).map(place).collect();
         let points: Vec<DVec3> =
             all.iter().filter_map(|[x, y]| Some(DVec3::new(*x, *y, roof(*x, *y)?))).collect();
         let ground: Vec<DVec3> = all
@@ -259,14 +263,14 @@ mod tests {
     fn a_gable_has_its_ridge_and_walls() {
         let height = |y: f64| 6.0 - 0.8 * (y - 10.0).abs();
         let is_house = |x: f64, y: f64| (6.0..14.0).contains(&x) && (7.0..13.0).contains(&y);
-        let found = found(20.0, |x, y| is_house(x, y).then(|| height(y)));
+        let found = found(25.0, |x, y| is_house(x, y).then(|| height(y)));
         assert!((found.area / 48.0 - 1.0).abs() < 0.03, "{}", found.area);
         let around = walls(&found, 2.0);
         assert!((around / 28.0 - 1.0).abs() < 0.05, "{around} m around the house");
         assert!(walls(&found, 0.0) < around + 0.5, "no walls within");
         for (corners, _) in found.faces.iter().filter(|f| !is_wall(f)) {
             for c in corners {
-                assert!((c.z - height(c.y)).abs() < 0.25, "{c}");
+                assert!((c.z - height(c.y)).abs() < 0.3, "{c}");
             }
         }
     }
