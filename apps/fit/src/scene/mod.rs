@@ -11,17 +11,22 @@
 //! | `thinning` | even samples of pulses |
 //! | `sensor` | positions of the instrument |
 //! | `standing` | instruments that were not in the air, which are rejected |
-//! | `terrain`, `roofs` | surfaces |
+//! | `terrain`, `roofs`, `outline` | surfaces |
+//! | `solids` | vehicles and other solid things of no class |
 //! | `foliage`, `smoothing` | leaf area densities; means over neighbouring columns |
 //! | `receiver` | resolution and threshold of the receiver, size of the elements of foliage |
+//! | `echoes` | returns of pulses that are sent through the foliage again |
 //! | `write` | the files of the scene |
 
+mod echoes;
 mod foliage;
+mod outline;
 mod receiver;
 mod recording;
 mod roofs;
 mod sensor;
 mod smoothing;
+mod solids;
 mod standing;
 mod terrain;
 mod thinning;
@@ -34,7 +39,8 @@ pub use sensor::{PathSource, SensorPath};
 pub use terrain::Terrain;
 
 use crate::limit::PointLimit;
-use recording::{POINT_BYTES, Recording, Target};
+use rayon::prelude::*;
+use recording::{POINT_BYTES, Recording, Return, Target};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use vlscan_base::Observer;
@@ -178,10 +184,8 @@ pub fn reconstruct(options: &ReconstructOptions, observer: &Observer) -> Result<
     warn_of_nadir_paths(&options.cloud, &paths, &mut found);
     observer.warnings(found)?;
     let spacing = 1.0 / recording.density().sqrt();
-    let (terrain, roofs) = stages.surfaces(&recording, spacing);
+    let (terrain, roofs, is_leaf) = stages.surfaces(&recording, spacing);
     observer.step("estimating the density of leaves");
-    let reach = MAX_TERRAIN_DEVIATIONS * terrain.spread;
-    let is_leaf = foliage::leaf_returns(&recording, |p| (p.z - terrain.height(p.x, p.y)).abs() <= reach);
     let size = options.voxel.unwrap_or((VOXEL_PER_SPACING * spacing).clamp(VOXEL_SIZES[0], VOXEL_SIZES[1]));
     let max_voxels = options.max_memory.map_or(f64::INFINITY, |bytes| bytes as f64 / MEMORY_PER_VOXEL);
     let voxels = (size, max_voxels);
@@ -238,24 +242,32 @@ impl Stages<'_> {
         paths
     }
 
-    fn surfaces(&mut self, recording: &Recording, spacing: f64) -> (Terrain, Roofs) {
-        let of = |target: Target| {
-            let returns = recording.returns.iter().filter(move |r| r.target() == target);
-            returns.map(|r| (r.position, r.class)).unzip::<DVec3, u8, Vec<_>, Vec<_>>()
-        };
+    /// The terrain, the roofs, and whether returns are from foliage.
+    fn surfaces(&mut self, recording: &Recording, spacing: f64) -> (Terrain, Roofs, Vec<bool>) {
         self.observer.step("making terrain and roofs");
-        let (ground, ground_classes) = of(Target::Ground);
+        let returns = &recording.returns;
+        let ground = returns.iter().filter(|r| r.target() == Target::Ground).map(|r| (r.position, r.class));
+        let (ground, ground_classes): (Vec<DVec3>, Vec<u8>) = ground.unzip();
         let terrain = terrain::terrain(ground, &ground_classes, recording.bounds);
-        let (on_roofs, roof_classes) = of(Target::Roof);
+        let reach = MAX_TERRAIN_DEVIATIONS * terrain.spread;
+        let is_terrain = |p: DVec3| (p.z - terrain.height(p.x, p.y)).abs() <= reach;
+        let is_solid = solids::solids(recording, spacing, is_terrain);
+        let is_roof = |(r, is_solid): &(&Return, &bool)| r.target() == Target::Roof || **is_solid;
+        let on_roofs = returns.iter().zip(&is_solid).filter(is_roof).map(|(r, _)| (r.position, r.class));
+        let (on_roofs, roof_classes): (Vec<DVec3>, Vec<u8>) = on_roofs.unzip();
+        let others = returns.par_iter().zip(&is_solid).filter(|both| !is_roof(both));
+        let others = others.map(|(r, _)| r.position);
         let cell = (1.5 * spacing).clamp(ROOF_CELLS[0], ROOF_CELLS[1]);
-        let roofs = roofs::roofs(&on_roofs, &roof_classes, cell, &terrain);
+        let roofs = roofs::roofs(&on_roofs, &roof_classes, others, cell, &terrain);
+        let mut is_leaf = foliage::leaf_returns(recording, is_terrain);
+        is_leaf.iter_mut().zip(is_solid).for_each(|(is_leaf, is_solid)| *is_leaf &= !is_solid);
         self.done(format!(
             "terrain of {} by {} nodes, {} cells of roofs",
             terrain.nodes[0],
             terrain.nodes[1],
             amount(roofs.cells as f64)
         ));
-        (terrain, roofs)
+        (terrain, roofs, is_leaf)
     }
 }
 

@@ -12,31 +12,32 @@
 //! more returns, of pulses whose first or last return is from foliage, and the heights of first returns. The
 //! extinctions come from the other pulses: foliage that was estimated by a pulse fits that pulse too well.
 
+use super::echoes::{LAYERS, SHARES, SUBRAYS, Sample, Segment, Simulator, path_places};
 use super::foliage::{Beam, Extinctions, beam};
 use super::recording::Recording;
 use super::sensor::SensorPath;
 use super::terrain::Terrain;
 use rayon::prelude::*;
-use std::collections::HashMap;
-use vlscan_base::rng::{Purpose, Stream};
 use vlscan_geom::DVec3;
 
 /// Pulses that are simulated.
-const MAX_SAMPLES: usize = 6000;
+const MAX_SAMPLES: usize = 4000;
 /// Minimum number of pulses through foliage for an estimate.
 const MIN_SAMPLES: usize = 200;
 /// Optical depth from which on a beam counts as one through foliage.
 const MIN_DEPTH: f64 = 0.05;
-/// Rays of a beam.
-const SUBRAYS: usize = 40;
-/// Shares that are compared: pulses with one, two, three, more returns; first return from foliage, last
-/// return from foliage.
-const SHARES: usize = 6;
-/// Layers of heights over the ground, each with as many first returns.
-const LAYERS: usize = 10;
 /// Rounds in which the receiver and the layers are estimated in turn, and steps of the latter in each.
 const ROUNDS: usize = 3;
 const LAYER_STEPS: usize = 6;
+/// Usual threshold, and the factor by which one standard deviation of thresholds differs from it. Surveys fly
+/// where surfaces return about ten times what the receiver needs. The returns of foliage tell threshold and
+/// size of the elements badly from each other.
+const USUAL_THRESHOLD: [f64; 2] = [0.1, 2.0];
+/// Bounds of the threshold: two rays of a beam, below which it depends on where single rays pass, and half of
+/// them.
+const THRESHOLDS: [f64; 2] = [2.0 / SUBRAYS as f64, 0.5];
+/// Bounds of the size of elements over the mean radius of the footprint.
+const SIZES: [f64; 2] = [0.05, 16.0];
 /// Bounds of the factor of a layer.
 const FACTORS: [f64; 2] = [0.2, 5.0];
 /// Quantile of the distances between consecutive returns that counts as their minimum.
@@ -87,34 +88,6 @@ impl Receiver {
     }
 }
 
-/// A part of a beam within a voxel of foliage.
-struct Segment {
-    /// Entry and exit, m.
-    from: f64,
-    to: f64,
-    /// Extinction, 1/m.
-    sigma: f64,
-    /// Height of its middle over the ground, m.
-    height: f64,
-    layer: usize,
-}
-
-/// A recorded pulse through foliage.
-struct Sample {
-    segments: Vec<Segment>,
-    /// Layer of the recorded first return, if that is known and from foliage.
-    first_layer: Option<usize>,
-    first_height: f64,
-    /// Distance to the surface, m.
-    surface: f64,
-    /// Radius of the footprint at 1/e² of the intensity, m.
-    radius: f64,
-    number: u64,
-    returns: u8,
-    first_is_leaf: Option<bool>,
-    last_is_leaf: Option<bool>,
-}
-
 /// The receiver and the grain of foliage; beams have the full `divergence` (1/e², rad).
 pub(super) fn receiver(
     recording: &Recording,
@@ -127,7 +100,7 @@ pub(super) fn receiver(
     let mut found = Receiver {
         resolution,
         pairs,
-        threshold: 0.05,
+        threshold: USUAL_THRESHOLD[0],
         element_size: 0.0,
         layers: Vec::new(),
         max_returns: recording.returns.iter().map(|r| r.of).max().unwrap_or(1),
@@ -148,12 +121,14 @@ pub(super) fn receiver(
     let mut simulator = Simulator::new(&samples, resolution);
     let mut factors = [1.0; LAYERS];
     let mut best = [0.0; 2];
+    let [usual, usual_factor] = USUAL_THRESHOLD;
     for _ in 0..ROUNDS {
         let cost = |x: &[f64; 2]| -> f64 {
             let (shares, _) = simulator.shares(settings(x));
-            shares.iter().zip(recorded).map(|(s, r)| (s - r).powi(2)).sum::<f64>()
+            let deviations = (x[1] - libm::log(usual)) / libm::log(usual_factor);
+            samples.len() as f64 * misfit(shares, recorded) + deviations * deviations
         };
-        best = minimise(cost, [[0.05f64, 6.0], [0.01, 0.5]].map(|range| range.map(libm::log)));
+        best = minimise(cost, [SIZES, THRESHOLDS].map(|range| range.map(libm::log)));
         for _ in 0..LAYER_STEPS {
             let (_, simulated) = simulator.shares(settings(&best));
             let mut counts = [0.0; LAYERS];
@@ -172,6 +147,18 @@ pub(super) fn receiver(
     found
 }
 
+/// Difference of shares of two samples of one pulse each, in variances: a share of few pulses counts as much
+/// as one of many.
+fn misfit(simulated: [f64; SHARES], recorded: [f64; SHARES]) -> f64 {
+    let weighed = |a: f64, b: f64| if a + b > 0.0 { (a - b).powi(2) / (a + b) } else { 0.0 };
+    let term = |(i, (s, r)): (usize, (f64, f64))| match i {
+        // Of the first four shares each pulse is in one; the others are in or out.
+        0..4 => weighed(s, r),
+        _ => weighed(s, r) + weighed(1.0 - s, 1.0 - r),
+    };
+    simulated.into_iter().zip(recorded).enumerate().map(term).sum()
+}
+
 /// Numbers the layers of all segments and first returns; returns where each layer ends, m over the ground.
 fn divide_into_layers(samples: &mut [Sample]) -> Vec<f64> {
     let is_leaf = |s: &&Sample| s.first_is_leaf == Some(true);
@@ -183,7 +170,8 @@ fn divide_into_layers(samples: &mut [Sample]) -> Vec<f64> {
         (0..LAYERS).map(|layer| if layer + 1 == LAYERS { f64::INFINITY } else { top(layer) }).collect();
     let layer_of = |height: f64| tops.iter().position(|top| height < *top).unwrap_or(LAYERS - 1);
     for sample in samples {
-        sample.segments.iter_mut().for_each(|s| s.layer = layer_of(s.height));
+        let segments = sample.paths.iter_mut().flatten();
+        segments.for_each(|s| s.layer = layer_of(s.height.into()) as u8);
         sample.first_layer = (sample.first_is_leaf == Some(true)).then(|| layer_of(sample.first_height));
     }
     // The last one has no end; a report needs a number.
@@ -236,20 +224,26 @@ fn samples(
         let range = recording.range(pulse);
         let (first, last) = (&recording.returns[range.start], &recording.returns[range.end - 1]);
         let (beam, surface) = beam_to_surface(pulse, path);
-        let mut segments = Vec::new();
-        extinctions.grid.along(beam.origin, beam.direction, surface, |voxel, from, to| {
-            let sigma = f64::from(extinctions.sigma[voxel]);
-            if sigma > 0.0 {
-                let height = over_ground(beam.origin + beam.direction * (0.5 * (from + to)));
-                segments.push(Segment { from, to, sigma, height, layer: 0 });
-            }
-        });
+        let radius = 0.5 * divergence * beam.length;
+        let across = beam.direction.any_orthonormal_pair();
+        let along = |[u, v]: [f64; 2]| {
+            let origin = beam.origin + (across.0 * u + across.1 * v) * radius;
+            let mut segments = Vec::new();
+            extinctions.grid.along(origin, beam.direction, surface, |voxel, from, to| {
+                let sigma = extinctions.sigma[voxel];
+                if sigma > 0.0 {
+                    let height = over_ground(origin + beam.direction * (0.5 * (from + to))) as f32;
+                    let [from, to] = [from, to].map(|t| (t - surface) as f32);
+                    segments.push(Segment { from, to, sigma, height, layer: 0 });
+                }
+            });
+            segments
+        };
         Sample {
-            segments,
+            paths: path_places().map(along),
             first_layer: None,
             first_height: over_ground(first.position),
-            surface,
-            radius: 0.5 * divergence * beam.length,
+            radius,
             number: pulse as u64,
             returns: last.of,
             first_is_leaf: (first.number == 1).then_some(is_leaf[range.start]),
@@ -297,168 +291,6 @@ fn recorded_shares(samples: &[Sample]) -> [f64; SHARES] {
         counts[4] / firsts.max(1.0),
         counts[5] / lasts.max(1.0),
     ]
-}
-
-/// Returns of a simulated pulse.
-struct Echoes {
-    count: usize,
-    /// Layer of the first return, if it is from foliage.
-    first_layer: Option<usize>,
-    last_is_leaf: bool,
-}
-
-/// The ranges of the rays of a beam, ascending, with the layer of the foliage that each met, or [`SURFACE`].
-type Ranges = [(f64, u8); SUBRAYS];
-
-/// In place of a layer: the surface below the foliage.
-const SURFACE: u8 = u8::MAX;
-
-/// Sends the beams of samples through foliage. Trials differ in few settings, so results that several of them
-/// share are computed once.
-struct Simulator<'s> {
-    samples: &'s [Sample],
-    /// Minimum distance between two returns, m.
-    resolution: f64,
-    /// Of each ray its distance from the axis over the radius of the footprint, and the sine and cosine of
-    /// its direction there.
-    rays: [[f64; 3]; SUBRAYS],
-    /// Optical depths of the rays of each sample, by the bits of the size of elements.
-    depths: HashMap<u64, Vec<[f64; SUBRAYS]>>,
-    /// Ranges for the present factors, by the bits of the size of elements.
-    ranges: HashMap<u64, Vec<Ranges>>,
-    factors: [f64; LAYERS],
-}
-
-impl<'s> Simulator<'s> {
-    fn new(samples: &'s [Sample], resolution: f64) -> Simulator<'s> {
-        const GOLDEN_ANGLE: f64 = 2.399_963_229_728_653;
-        let ray = |i: usize| {
-            // Equal shares of the energy of a Gaussian beam, exp(−2r²/w²).
-            let inner = (i as f64 + 0.5) / SUBRAYS as f64;
-            let (sin, cos) = libm::sincos(i as f64 * GOLDEN_ANGLE);
-            [(-0.5 * libm::log1p(-inner)).sqrt(), sin, cos]
-        };
-        Simulator {
-            samples,
-            resolution,
-            rays: std::array::from_fn(ray),
-            depths: HashMap::new(),
-            ranges: HashMap::new(),
-            factors: [1.0; LAYERS],
-        }
-    }
-
-    /// Changes the factors on the extinctions of layers.
-    fn set_factors(&mut self, factors: [f64; LAYERS]) {
-        if self.factors != factors {
-            (self.factors, self.ranges) = (factors, HashMap::new());
-        }
-    }
-
-    /// The shares of simulated pulses for a size of elements and a threshold, and first returns from foliage
-    /// by layer.
-    fn shares(&mut self, (size, threshold): (f64, f64)) -> ([f64; SHARES], [f64; LAYERS]) {
-        let Simulator { samples, resolution, rays, depths, ranges, factors } = self;
-        let ranges = ranges.entry(size.to_bits()).or_insert_with(|| {
-            let depths = depths
-                .entry(size.to_bits())
-                .or_insert_with(|| samples.par_iter().map(|sample| sample.depths(rays, size)).collect());
-            let pairs = samples.par_iter().zip(&*depths);
-            pairs.map(|(sample, depths)| sample.ranges(depths, factors)).collect()
-        });
-        let all: Vec<Option<Echoes>> =
-            ranges.par_iter().map(|ranges| Echoes::of(ranges, threshold, *resolution)).collect();
-        shares_of(&all, samples)
-    }
-}
-
-/// The shares of pulses by the returns of their samples, and first returns from foliage by layer.
-fn shares_of(all: &[Option<Echoes>], samples: &[Sample]) -> ([f64; SHARES], [f64; LAYERS]) {
-    let (mut counts, mut layers) = ([0.0; SHARES], [0.0; LAYERS]);
-    let (mut n, mut firsts, mut lasts) = (0.0f64, 0.0f64, 0.0f64);
-    // A pulse without a return is not in a recording. First and last returns count only where the recorded
-    // pulse has them, so that both are shares of the same pulses.
-    for (echoes, sample) in all.iter().zip(samples).filter_map(|(e, s)| Some((e.as_ref()?, s))) {
-        n += 1.0;
-        counts[echoes.count.clamp(1, 4) - 1] += 1.0;
-        if sample.first_is_leaf.is_some() {
-            firsts += 1.0;
-            if let Some(layer) = echoes.first_layer {
-                counts[4] += 1.0;
-                layers[layer] += 1.0;
-            }
-        }
-        if sample.last_is_leaf.is_some() {
-            lasts += 1.0;
-            counts[5] += f64::from(u8::from(echoes.last_is_leaf));
-        }
-    }
-    let of = [n, n, n, n, firsts, lasts];
-    (std::array::from_fn(|i| counts[i] / of[i].max(1.0)), layers)
-}
-
-impl Sample {
-    /// The optical depths at which elements of a size intercept rays.
-    fn depths(&self, rays: &[[f64; 3]; SUBRAYS], size: f64) -> [f64; SUBRAYS] {
-        let draws = Stream::new(0, Purpose::FreePath);
-        let shift = [0u32, 1].map(|axis| draws.uniform(1, self.number, axis));
-        rays.map(|[distance, sin, cos]| {
-            let r = self.radius * distance;
-            let [u, v] = [r * cos / size + shift[0], r * sin / size + shift[1]].map(|q| q.floor() as i32);
-            let column = (u as u32 & 0x7fff) << 15 | (v as u32 & 0x7fff);
-            -libm::log(draws.uniform(2, self.number, column))
-        })
-    }
-
-    /// The ranges at which rays have passed these optical depths of foliage.
-    fn ranges(&self, depths: &[f64; SUBRAYS], factors: &[f64; LAYERS]) -> Ranges {
-        let losses: Vec<(f64, f64)> = self
-            .segments
-            .iter()
-            .map(|segment| {
-                let sigma = segment.sigma * factors[segment.layer];
-                (sigma, sigma * (segment.to - segment.from))
-            })
-            .collect();
-        let mut ranges = depths.map(|mut depth| {
-            for ((sigma, lost), segment) in losses.iter().zip(&self.segments) {
-                if *lost >= depth {
-                    return (segment.from + depth / sigma, segment.layer as u8);
-                }
-                depth -= lost;
-            }
-            (self.surface, SURFACE)
-        });
-        ranges.sort_by(|a, b| a.0.total_cmp(&b.0));
-        ranges
-    }
-}
-
-impl Echoes {
-    /// The returns of a beam whose rays have these ranges.
-    fn of(ranges: &Ranges, threshold: f64, resolution: f64) -> Option<Echoes> {
-        let mut found = Echoes { count: 0, first_layer: None, last_is_leaf: false };
-        let mut start = 0;
-        for i in 0..SUBRAYS {
-            let is_end = ranges.get(i + 1).is_none_or(|next| next.0 - ranges[i].0 > resolution);
-            if !is_end {
-                continue;
-            }
-            let of = &ranges[start..=i];
-            start = i + 1;
-            if (of.len() as f64) < threshold * SUBRAYS as f64 {
-                continue;
-            }
-            let is_leaf = 2 * of.iter().filter(|r| r.1 != SURFACE).count() > of.len();
-            if found.count == 0 {
-                let layer = of[of.len() / 2].1;
-                found.first_layer = (is_leaf && layer != SURFACE).then_some(usize::from(layer));
-            }
-            found.last_is_leaf = is_leaf;
-            found.count += 1;
-        }
-        (found.count > 0).then_some(found)
-    }
 }
 
 /// Minimum of a function within bounds: a coarse grid, then steps along each axis that shrink.

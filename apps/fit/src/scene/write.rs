@@ -13,9 +13,14 @@ use vlscan_tools::generate::SceneFolder;
 const REFLECTANCE: f64 = 0.3;
 /// Mean cosine on leaves that face all directions alike: foliage returns as much as a surface that it hides.
 const LEAF_COSINE: f64 = 2.0 / 3.0;
-/// Material of a class.
+/// Material of surfaces of a class.
 fn material(class: u8) -> String {
     format!("class_{class}")
+}
+
+/// Material of foliage of a class.
+fn leaf_material(class: u8) -> String {
+    format!("foliage_{class}")
 }
 
 pub(super) fn write(scene: &ReconstructedScene, folder: &Path, overwrite: bool) -> Result<PathBuf> {
@@ -66,18 +71,17 @@ fn materials(scene: &ReconstructedScene) -> String {
         "# Materials by class. Reflectances are assumed; classes are those of the point cloud.\n",
     );
     let surfaces = scene.terrain.classes.iter().copied().chain(scene.roofs.faces.iter().map(|f| f.1));
-    let (surfaces, leaves) = (surfaces.collect::<BTreeSet<u8>>(), leaf_classes(scene));
-    for class in surfaces.union(&leaves) {
-        let is_leaf = leaves.contains(class);
-        let reflectance = if is_leaf { REFLECTANCE / LEAF_COSINE } else { REFLECTANCE };
-        let _ = writeln!(text, "newmtl {}\nKd 1 1 1\nhelios_reflectance {reflectance}", material(*class));
-        let _ = writeln!(text, "helios_classification {class}");
-        if matches!(class, 2 | 8..=11) {
-            text.push_str("helios_isGround true\n");
-        }
-        if is_leaf {
-            let _ = writeln!(text, "vlscan_element_size_m {:.4}", scene.receiver.element_size);
-        }
+    let mut add = |name: String, reflectance: f64, class: u8, more: &str| {
+        let _ = writeln!(text, "newmtl {name}\nKd 1 1 1\nhelios_reflectance {reflectance}");
+        let _ = writeln!(text, "helios_classification {class}\n{more}");
+    };
+    for class in surfaces.collect::<BTreeSet<u8>>() {
+        let is_ground = matches!(class, 2 | 8..=11);
+        add(material(class), REFLECTANCE, class, if is_ground { "helios_isGround true" } else { "" });
+    }
+    let size = format!("vlscan_element_size_m {:.4}", scene.receiver.element_size);
+    for class in leaf_classes(scene) {
+        add(leaf_material(class), REFLECTANCE / LEAF_COSINE, class, &size);
     }
     text
 }
@@ -157,7 +161,7 @@ fn voxel_filter(file: &str, class: u8) -> String {
         "<filter type=\"detailedvoxels\">{}{}{}</filter>",
         param("filepath", file),
         param("matfile", "materials.mtl"),
-        param("matname", &material(class))
+        param("matname", &leaf_material(class))
     )
 }
 
@@ -283,7 +287,7 @@ pub(super) fn report(scene: &ReconstructedScene) -> serde_json::Value {
         "roofs": {
             "cell_m": scene.roofs.cell,
             "cells": scene.roofs.cells,
-            "area_m2": scene.roofs.cells as f64 * scene.roofs.cell.powi(2),
+            "area_m2": scene.roofs.area,
         },
         "foliage": {
             "voxel_m": scene.foliage.size,
