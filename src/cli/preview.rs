@@ -6,7 +6,7 @@ use super::watch::during;
 use super::{Console, interrupt, messages};
 use std::io::{BufReader, BufWriter, IsTerminal, Seek, Write};
 use std::path::Path;
-use vlscan_base::diag::Diagnostics;
+use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{FileWriter, Patched, means_stdout, reads, refuse_unwritable};
 use vlscan_base::quantity::{amount, amount_of};
@@ -192,7 +192,8 @@ fn warn_of_unused(args: &PreviewArgs, is_survey: bool, console: &Console) -> Res
     let unused: Vec<&str> = unused.map(|(option, ..)| option).collect();
     let mut found = Diagnostics::default();
     if !unused.is_empty() {
-        found.warn(None, format!("no effect on {}: {}", args.out.display(), unused.join(", "))).help(
+        let place = Place::of_file(&args.out);
+        found.warn(Some(place), format!("no effect on this output: {}", unused.join(", "))).help(
             "--width and --height are for pictures, --max-points for pages, --colour and --light for both, \
              --assets for surveys",
         );

@@ -163,7 +163,7 @@ fn names_of_all_files_are_checked_before_a_recording_is_read() {
     for (args, said) in [
         (&["s.toml", "--planes", "p.obj"][..], "p.mtl exists already"),
         (&["sensor.json", "--force"], "sensor.json is read"),
-        (&["s.toml", "--planes", "text.parquet", "--force"], "text.parquet is read"),
+        (&["s.toml", "--planes", "text.parquet", "--force"], "the file is OBJ, not parquet"),
     ] {
         let out = run(dir.path(), &[&fit[..], args].concat());
         assert!(text(&out.stderr).contains(said), "{said}: {}", text(&out.stderr));

@@ -13,7 +13,7 @@ use super::terrain::{Planes, Terrain};
 use crate::cloud::Points;
 use serde::Serialize;
 use vlscan_base::Observer;
-use vlscan_base::diag::{Diagnostics, Notice};
+use vlscan_base::diag::{Diagnostics, Notice, Place};
 use vlscan_base::error::{Error, Result};
 use vlscan_crs::{differ, short_name};
 use vlscan_formats::{Attribute, AttributeSet};
@@ -210,8 +210,10 @@ fn prepared<'a>(
             let terrain = Terrain::load(path, low, observer)?;
             if !cuts.iter().any(|cut| terrain.is_below(cut)) {
                 let mut found = Diagnostics::default();
-                let message = format!("--terrain {}: no point lies above it", path.display());
-                found.warn(None, message).help("it must be in the system and the place of the clouds");
+                let message = "no point lies above this --terrain";
+                found
+                    .warn(Some(Place::of_file(path)), message)
+                    .help("it must be in the system and the place of the clouds");
                 observer.warnings(found)?;
             }
             Some(terrain)

@@ -314,8 +314,8 @@ pub enum PlanError {
     },
     /// A speed that no platform has, m/s.
     #[error(
-        "the speed would be {speed} m/s, expected 0.001 to 1000 m/s; change --speed, --density (or --min-density), \
-         --pulse-rate or --height",
+        "the speed would be {speed} m/s, expected 0.001 to 1000 m/s; change --speed, --density (or \
+         --min-density), --pulse-rate or --height",
         speed = number(*.0)
     )]
     Speed(f64),

@@ -50,7 +50,7 @@ impl LoadedScene {
         Ok(found)
     }
 
-    /// What sends rays through the scene on one thread; each thread has a clone.
+    /// Returns what sends rays through the scene on one thread; each thread has a clone.
     ///
     /// # Errors
     /// [`Error::Input`] for scenes with moving parts or with parts that are not in memory; as for

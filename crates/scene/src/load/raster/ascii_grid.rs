@@ -2,7 +2,7 @@
 //! them, so that they behave like other rasters.
 
 use super::error::GridError;
-use super::keys::prj_text;
+use super::prj::prj_text;
 use std::io::Cursor;
 use std::path::Path;
 use tiff::encoder::TiffEncoder;

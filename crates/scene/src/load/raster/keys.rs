@@ -4,12 +4,11 @@
 use super::error::RasterError;
 use super::file::Directory;
 use super::georeference::doubles;
+use super::prj::prj_text;
 use std::path::Path;
 use tiff::tags::Tag;
-use vlscan_base::files::reads;
 use vlscan_crs as crs;
 pub(super) use vlscan_crs::LengthUnit;
-use vlscan_tables::input::read_file;
 
 /// The unit of values that state none.
 pub(super) const METRES: &str = "metres";
@@ -34,8 +33,6 @@ const DEPTHS: &[u16] = &[
     10_370, 10_371, 10_372, 10_373, 10_374, 10_375, 10_376, 10_377, 10_378, 10_379, 10_547, 10_548, 10_549,
     10_550, 10_551, 10_552, 10_649, 10_650, 10_678,
 ];
-/// Maximum size of a `.prj` file, bytes.
-const MAX_PRJ_BYTES: u64 = 1 << 16;
 const GDAL_METADATA_TAG: Tag = Tag::Unknown(42_112);
 
 /// The value of a GeoKey that is a number in the directory itself.
@@ -102,14 +99,6 @@ impl System {
             }
         }
     }
-}
-
-/// The text of the `.prj` file beside a raster.
-pub(super) fn prj_text(path: &Path) -> Option<String> {
-    let files = ["prj", "PRJ"].map(|ending| path.with_extension(ending));
-    let prj = files.into_iter().find(|prj| reads::is_file(prj))?;
-    let bytes = read_file(&prj, MAX_PRJ_BYTES).ok()?;
-    Some(String::from_utf8_lossy(&bytes).trim_start_matches('\u{feff}').to_owned())
 }
 
 /// True if the system is one of longitude and latitude; `None` if the keys do not state it.

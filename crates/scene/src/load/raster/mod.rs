@@ -11,6 +11,7 @@
 //! | `ascii_grid` | ESRI ASCII grids, read as the GeoTIFF of the same heights |
 //! | `blocks`, `unpack` | strips and tiles: predictors and types of numbers; compressions |
 //! | `georeference` | where the pixels are, from tags or a world file |
+//! | `prj` | the text of the `.prj` file beside a raster |
 //! | `keys` | GeoKeys and GDAL's metadata: systems, units, scales |
 //! | `validity` | no-data values, masks, alpha bands |
 //! | `error`, `refusal` | errors; why a raster cannot be used |
@@ -29,6 +30,7 @@ mod mosaic;
 #[cfg(test)]
 mod page_tests;
 mod pages;
+mod prj;
 mod refusal;
 #[cfg(test)]
 mod tests;
