@@ -25,14 +25,14 @@ const MAX_SAMPLES: usize = 4000;
 /// Minimum number of pulses through foliage for an estimate.
 const MIN_SAMPLES: usize = 200;
 /// Optical depth from which on a beam counts as one through foliage.
-const MIN_DEPTH: f64 = 0.05;
+const MIN_DEPTH: f64 = 0.01;
 /// Rounds in which the receiver and the layers are estimated in turn, and steps of the latter in each.
 const ROUNDS: usize = 3;
 const LAYER_STEPS: usize = 6;
 /// Usual threshold, and the factor by which one standard deviation of thresholds differs from it. Surveys fly
 /// where surfaces return about ten times what the receiver needs. The returns of foliage tell threshold and
 /// size of the elements badly from each other.
-const USUAL_THRESHOLD: [f64; 2] = [0.1, 2.0];
+const USUAL_THRESHOLD: [f64; 2] = [0.1, 1.25];
 /// Bounds of the threshold: two rays of a beam, below which it depends on where single rays pass, and half of
 /// them.
 const THRESHOLDS: [f64; 2] = [2.0 / SUBRAYS as f64, 0.5];

@@ -51,6 +51,13 @@ pub(super) fn solids(
         };
         solid = (0..points.len()).into_par_iter().map(is_one_of_most).collect();
     }
+    // What lies beside a solid thing, no higher, is its side.
+    let is_side = |k: usize| {
+        let p = points[k];
+        let beside = neighbours.nearest_within(p.x, p.y, NEIGHBOURS, spacing).into_iter();
+        beside.map(|n| n.1).any(|n| solid[n] && p.z < points[n].z + MAX_ROUGHNESS)
+    };
+    let solid: Vec<bool> = (0..points.len()).into_par_iter().map(|k| solid[k] || is_side(k)).collect();
     let mut out = vec![false; returns.len()];
     candidates.iter().zip(solid).for_each(|(i, is_solid)| out[*i] = is_solid);
     out
