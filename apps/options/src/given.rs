@@ -149,7 +149,7 @@ fn invalid(name: &str, error: &serde_json::Error) -> Error {
     let text = error.to_string();
     let (problem, expected) = text.rsplit_once(", expected ").unwrap_or((&text, ""));
     let expected = match expected {
-        "usize" | "u32" | "u64" => ", expected a whole number".to_owned(),
+        "usize" | "u32" | "u64" => ", expected a whole number of at least 0".to_owned(),
         "f64" => ", expected a number".to_owned(),
         "path string" => ", expected a path".to_owned(),
         "" => String::new(),
@@ -244,7 +244,10 @@ mod tests {
     #[test]
     fn messages_name_the_keyword() {
         for (values, expected) in [
-            (json!({ "threads": -1 }), "threads: invalid value: integer `-1`, expected a whole number"),
+            (
+                json!({ "threads": -1 }),
+                "threads: invalid value: integer `-1`, expected a whole number of at least 0",
+            ),
             (json!({ "columns": "Q" }), "columns: no column is called"),
             (json!({ "chunk_size": 0 }), "chunk_size: expected 1 to"),
             (json!({ "tile": 5, "per_object": true }), "tile cannot be used with per_object"),
