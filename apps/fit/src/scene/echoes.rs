@@ -71,7 +71,7 @@ fn places<const N: usize>() -> [[f64; 2]; N] {
     })
 }
 
-/// Where the paths of a beam cross its footprint, over the radius of that.
+/// Places at which the paths of a beam cross its footprint, over the radius of that.
 pub(super) fn path_places() -> [[f64; 2]; PATHS] {
     places()
 }

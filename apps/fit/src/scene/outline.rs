@@ -78,8 +78,8 @@ pub(super) struct Votes {
 }
 
 impl Votes {
-    /// The votes of points of buildings and of points that are none, of which those count that lie `step` m or
-    /// more below the building.
+    /// The votes of points of buildings and of points that are none, of which those count that lie `step` m
+    /// or more below the building.
     pub fn of(roofs: &Binned, others: &Binned, step: f64) -> Votes {
         let mut rows: Vec<i64> = roofs.rows().into_iter().flat_map(|row| row - 1..=row + 2).collect();
         rows.sort_unstable();

@@ -226,8 +226,8 @@ mod tests {
     /// Edge of the land around a house, m.
     const LAND: f64 = 21.0;
 
-    /// Points spread as a scanner does, as many per square metre, of a house with this roof, if there is one at
-    /// x, y, on flat land; the roofs through them with cells of 0.5 m.
+    /// Points spread as a scanner does, as many per square metre, of a house with this roof, if there is one
+    /// at x, y, on flat land; the roofs through them with cells of 0.5 m.
     fn found(per_m2: f64, roof: impl Fn(f64, f64) -> Option<f64>) -> Roofs {
         let draws = Stream::new(3, Purpose::Material);
         let rows = (LAND * per_m2.sqrt()) as u64;

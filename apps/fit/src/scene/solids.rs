@@ -1,7 +1,7 @@
 //! Solid things that no class tells: vehicles, walls, containers, sheds.
 //!
-//! In foliage neighbouring first returns lie at different heights, and beams are divided. Where single returns
-//! of no class lie on planes with their neighbours, they show a surface.
+//! In foliage neighbouring first returns lie at different heights, and beams are divided. Where single
+//! returns of no class lie on planes with their neighbours, they show a surface.
 
 use super::recording::{Recording, Target};
 use rayon::prelude::*;

@@ -293,10 +293,13 @@ impl QuarterTurns {
         ['x', 'y', 'z'].into_iter().zip(self.0).filter(|(_, angle)| *angle != 0.0)
     }
 
-    /// The turns in words.
+    /// The mount in words: `turned by 90° about z`, or `not turned`.
     pub fn text(self) -> String {
         let steps: Vec<String> = self.steps().map(|(axis, angle)| format!("{angle}° about {axis}")).collect();
-        if steps.is_empty() { "nothing".to_owned() } else { steps.join(", then ") }
+        match steps.is_empty() {
+            true => "not turned".to_owned(),
+            false => format!("turned by {}", steps.join(", then ")),
+        }
     }
 
     /// All 24 of them, those of fewer turns first.

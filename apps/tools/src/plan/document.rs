@@ -108,8 +108,11 @@ impl PlannedSurvey {
             let [x, y, z] = offset.to_array().map(setting);
             let steps: Vec<String> =
                 turns.steps().map(|(axis, angle)| format!("{{ {axis} = {angle} }}")).collect();
-            let steps = steps.join(", ");
-            line(format_args!("mount = {{ offset_m = [{x}, {y}, {z}], rotate_deg = [{steps}] }}"));
+            let rotation = match steps.is_empty() {
+                true => String::new(),
+                false => format!(", rotate_deg = [{}]", steps.join(", ")),
+            };
+            line(format_args!("mount = {{ offset_m = [{x}, {y}, {z}]{rotation} }}"));
         }
         line(format_args!("\n[scanner]\ncatalogue = {}", quoted(&self.scanner)));
         line(format_args!("\n[settings]"));

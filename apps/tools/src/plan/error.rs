@@ -222,7 +222,7 @@ pub enum PlanError {
     /// A platform whose mount does not point the beams down.
     #[error(
         "the mount of --platform does not point the beams of {instrument} at the ground; leave out \
-         --platform for a mount that does, or turn the mount by {turns}"
+         --platform for a mount that does, or use one that is {turns}"
     )]
     Mount {
         /// Name of the instrument.
@@ -233,7 +233,7 @@ pub enum PlanError {
     /// A platform whose mount turns all beams into a plane along the direction of travel.
     #[error(
         "on the mount of --platform {instrument} scans along the road only: a drive measures a single line; \
-         leave out --platform for a mount that scans across, or turn the mount by {turns}"
+         leave out --platform for a mount that scans across, or use one that is {turns}"
     )]
     AlongRoad {
         /// Name of the instrument.

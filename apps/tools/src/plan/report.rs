@@ -89,7 +89,7 @@ impl PlanReport<'_> {
         lines.extend(self.rate(options));
         if let Some(Turned { turns, .. }) = &self.choice.turned {
             lines.push(format!(
-                "mount      turned by {}, because the platform's mount does not point the scanner at the \
+                "mount      {}, because the platform's mount does not point the scanner at the \
                  ground",
                 turns.text()
             ));
