@@ -190,33 +190,33 @@ mod tests {
         assert!((plan.length() - 40.0).abs() < 1e-9);
     }
 
-    /// Mirrors scan across a road on a mount that is not turned.
+    /// Mirrors scan across a road on a mount that is not turned, or turned by a quarter, as their axes lie.
     #[test]
     fn scanners_that_would_scan_along_the_road_are_turned_across_or_refused() {
-        const ALONG: f64 = std::f64::consts::FRAC_PI_2;
+        const QUARTER: f64 = std::f64::consts::FRAC_PI_2;
         let line = [[0.0, 0.0], [100.0, 0.0]];
         let plan = |id: &str, about_z: f64, may_turn: bool| {
             plan_mobile(&line, &instrument(id), &carrier(about_z, may_turn), &OPTIONS, 2.0, false)
         };
-        for (id, about_z) in [
+        for (id, across) in [
             ("riegl_vux-1ha22", 0.0),
-            ("riegl_lms-q780", 0.0),
+            ("riegl_lms-q780", QUARTER),
             ("vlp16", 0.0),
             ("scanners_tls.xml#livox_mid-70", 0.0),
         ] {
-            let plan = plan(id, about_z, false).unwrap();
+            let plan = plan(id, across, false).unwrap();
             assert!(plan.turned.is_none(), "{id}");
         }
-        for id in ["riegl_vux-1ha22", "riegl_lms-q780"] {
-            let turned = plan(id, ALONG, true).unwrap();
-            assert_eq!(turned.turned.unwrap().turns, QuarterTurns([0.0; 3]), "{id}");
-            assert!(
-                turned.comments.iter().any(|line| line.starts_with("mount      not turned")),
-                "{:?}",
-                turned.comments
-            );
-            let said = plan(id, ALONG, false).unwrap_err().to_string();
-            assert!(said.contains("along the road") && said.contains("not turned"), "{id}: {said}");
+        for (id, along, turns, words) in [
+            ("riegl_vux-1ha22", QUARTER, QuarterTurns([0.0; 3]), "not turned"),
+            ("riegl_lms-q780", 0.0, QuarterTurns([0.0, 0.0, 90.0]), "turned by 90° about z"),
+        ] {
+            let turned = plan(id, along, true).unwrap();
+            assert_eq!(turned.turned.unwrap().turns, turns, "{id}");
+            let says = |line: &String| line.starts_with("mount ") && line.contains(words);
+            assert!(turned.comments.iter().any(says), "{:?}", turned.comments);
+            let said = plan(id, along, false).unwrap_err().to_string();
+            assert!(said.contains("along the road") && said.contains(words), "{id}: {said}");
         }
     }
 }
