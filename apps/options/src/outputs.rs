@@ -170,6 +170,20 @@ impl OutputOptions {
             self.las_at_most = typed.las_at_most;
             self.wave_packets = typed.wave_packets;
         }
+        let has_fields =
+            has(|format| format.is_las() || matches!(format, PointFormat::PlyAscii | PointFormat::PlyBinary));
+        let has_tables = has(|format| format.has_columns() && format != PointFormat::Xyz);
+        let has_columns = self.columns.is_some();
+        if !has_fields && (has_columns || !has_tables) {
+            self.labels = typed.labels;
+        }
+        // A chosen column may hold the others.
+        if !has_columns && !has(PointFormat::is_las) {
+            self.true_positions = typed.true_positions;
+        }
+        if !has_columns && !has_fields && !has_tables {
+            self.height_above_ground = typed.height_above_ground;
+        }
         if !sinks.iter().any(|(target, _)| matches!(target, Target::Directory(_))) {
             self.tile = typed.tile;
             self.per_object = typed.per_object;
@@ -382,6 +396,17 @@ mod tests {
         let mut found = typed.clone().over(file());
         found.leave_unused(&typed, &[(Target::Directory("a".into()), PointFormat::Laz)]);
         assert!(found.tile.is_some() && found.las10.is_on() && found.frame_s.is_none());
+        let contents = || parse("--labels --true-positions --height-above-ground");
+        let kept = |line: &str, format: PointFormat| {
+            let typed = parse(line);
+            let mut found = typed.clone().over(contents());
+            found.leave_unused(&typed, &[(Target::Stdout, format)]);
+            [found.labels.is_on(), found.true_positions.is_on(), found.height_above_ground.is_on()]
+        };
+        assert_eq!(kept("", PointFormat::Laz), [true; 3]);
+        assert_eq!(kept("", PointFormat::Csv), [true, false, true]);
+        assert_eq!(kept("", PointFormat::Xyz), [false; 3]);
+        assert_eq!(kept("--columns X,Y,Z", PointFormat::Csv), [false, true, true]);
     }
 
     #[test]
