@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 from flight_line import Cloud, by_time, distance, pulse_pairs, terrain_of
-from recordings import fitted_scanner, read_cloud, run_script
+from recordings import fitted_scanner, read_cloud, run_script, with_receiver
 
 FIELDS = ("time", "xyz", "returns", "number", "ground", "angle", "first", "arc")
 STEP = 0.006  # of scan angles in LAS 1.4, degrees
@@ -128,6 +128,7 @@ def main():
     print(run("fit", "fitted.laz", "-o", "flight.toml", "--force").decode())
     fitted_scanner(folder / "flight.toml", "rotating", 2)
     run("scene", "reconstruct", "fitted.laz", "-o", "scene", "--force", "-q")
+    with_receiver(folder / "flight.toml", folder / "scene")
     run("run", "flight.toml", "--scene", "scene/scene.xml", "-o", "simulated.laz", "--force", "-q")
     simulated = Cloud(folder / "simulated.laz", real.arcs)
     steps = real.las.header.scales

@@ -18,7 +18,7 @@ from pathlib import Path
 
 import laspy
 import numpy as np
-from recordings import fitted_scanner, read_cloud, run_script
+from recordings import fitted_scanner, read_cloud, run_script, with_receiver
 from scipy.interpolate import LinearNDInterpolator
 
 WEEK = 604_800
@@ -223,6 +223,7 @@ def main():
     print(run("fit", "fitted.laz", "-o", "flight.toml", "--force").decode())
     fitted_scanner(folder / "flight.toml", "conic")
     run("scene", "reconstruct", "fitted.laz", "-o", "scene", "--force", "-q")
+    with_receiver(folder / "flight.toml", folder / "scene")
     run("run", "flight.toml", "--scene", "scene/scene.xml", "-o", "simulated.laz", "--force", "-q")
     simulated = Cloud(folder / "simulated.laz", real.arcs)
     # To the resolution of the recording. What lies beside it is not compared.

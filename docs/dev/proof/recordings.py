@@ -1,5 +1,6 @@
 """Reads recordings for the scripts of this folder, and ends a script with a message where a recording was not made for it."""
 
+import json
 import subprocess
 import sys
 import tomllib
@@ -63,6 +64,27 @@ def check_pulses(path, las, pulse):
             f"{path}: {(firsts > 1).mean():.0%} of its GPS times have several first returns: the times are too coarse to tell pulses, "
             "and this comparison needs the pulses"
         )
+
+
+def toml_of(value):
+    """A number, a text, or a table of them as TOML."""
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{key} = {toml_of(inner)}" for key, inner in value.items()) + " }"
+    return json.dumps(value)
+
+
+def with_receiver(flight, scene):
+    """Gives the fitted scanner of a pipeline file the receiver of a reconstructed scene: a flight does not show its own."""
+    keys = ("beam_divergence_rad", "pulse_shape", "pulse_energy_uj", "max_range")
+    receiver = tomllib.loads((scene / "scene.toml").read_text())["scanner"]
+    if "pulse_shape" in receiver:
+        receiver["pulse_shape"] = str((scene / receiver["pulse_shape"]).absolute())
+    # A target at the rate of the flight.
+    receiver["max_range"].pop("pulse_freq_hz", None)
+    own = [f"{key} = {toml_of(receiver[key])}" for key in keys if key in receiver]
+    lines = [line for line in flight.read_text().splitlines() if not line.startswith("max_range ")]
+    at = lines.index("[scanner]") + 1
+    flight.write_text("\n".join([*lines[:at], *own, *lines[at:]]) + "\n")
 
 
 def fitted_scanner(path, optics, channels=0):
