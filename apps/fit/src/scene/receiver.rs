@@ -29,9 +29,9 @@ const MIN_DEPTH: f64 = 0.01;
 /// Rounds in which the receiver and the layers are estimated in turn, and steps of the latter in each.
 const ROUNDS: usize = 3;
 const LAYER_STEPS: usize = 6;
-/// Usual threshold, and the factor by which one standard deviation of thresholds differs from it. Surveys fly
-/// where surfaces return about ten times what the receiver needs. The returns of foliage tell threshold and
-/// size of the elements badly from each other.
+/// Usual threshold, and the factor by which one standard deviation of thresholds differs from it. The returns
+/// of foliage tell threshold and size of the elements badly from each other; these values were chosen after
+/// trials with four recordings (docs/dev/proof.md).
 const USUAL_THRESHOLD: [f64; 2] = [0.1, 1.25];
 /// Bounds of the threshold: two rays of a beam, below which it depends on where single rays pass, and half of
 /// them.
